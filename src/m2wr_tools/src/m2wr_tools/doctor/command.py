@@ -8,8 +8,9 @@ import logging
 import sys
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
-from m2wr_tools.doctor import environment, frames, graph, installation
-from m2wr_tools.doctor.finding import LEVELS, OK, warning, worst
+from m2wr_tools.doctor import environment, frames, graph, installation, launch_check
+from m2wr_tools.doctor.finding import LEVELS, OK, problem, warning, worst
+from m2wr_tools.doctor.launch_reader import RobotFile
 from m2wr_tools.doctor.machine import Machine
 
 if TYPE_CHECKING:
@@ -60,6 +61,28 @@ def _listen(state: Graph) -> List[Finding]:
         listener.close()
 
 
+def examine_file(machine: Machine, words: Sequence[str]) -> List[Finding]:
+    """Return the findings on a launch file, or on a robot description.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine to look at.
+    words : sequence of str
+        As for roslaunch: ``[PACKAGE] FILE [NAME:=VALUE ...]``.
+    """
+    names = [word for word in words if ":=" not in word]
+    arguments = dict(word.split(":=", 1) for word in words if ":=" in word and not word.startswith("__"))
+    packages = installation.PackageList(machine)
+    path = launch_check.launch_path(packages, names)
+    if path is None:
+        return [problem("launch file", "there is no file %s" % " ".join(names), "give its path, or a package and the "
+                        "name of a launch file in it; source the workspace that has it first")]
+    if path.endswith((".xacro", ".urdf", ".sdf")):
+        return _guarded("robot", launch_check.check_robot_file, machine, packages, RobotFile(path, arguments, path))
+    return _guarded("launch file", launch_check.check, machine, packages, path, arguments)
+
+
 def format_findings(found: Sequence[Finding], quiet: bool = False) -> str:
     """Return the lines for the screen; the last one counts all findings.
 
@@ -101,16 +124,21 @@ def main(argv: Optional[List[str]] = None, machine: Optional[Machine] = None) ->
         The exit code.
     """
     parser = argparse.ArgumentParser(prog="doctor", description="Check installation, environment, display, master, "
-                                     "topics and frames, and say what to do. Exit code 0: all is well; 1: warnings; 2: "
-                                     "problems.")
+                                     "topics and frames, and say what to do. With a launch file: check that instead, "
+                                     "and start nothing. Exit code 0: all is well; 1: warnings; 2: problems.")
+    parser.add_argument("file", nargs="*", metavar="[PACKAGE] FILE [NAME:=VALUE ...]", help="a launch file, as for "
+                        "roslaunch, or a robot description: what is missing, what will be left out, what to install")
     parser.add_argument("--json", action="store_true", help="JSON output, for programs")
     parser.add_argument("--quiet", action="store_true", help="only warnings and problems")
     parser.add_argument("--not-running", action="store_true", help="skip checks that need a running simulation")
-    words = [word for word in (sys.argv[1:] if argv is None else argv) if ":=" not in word]
-    given = parser.parse_args(words)
+    words = sys.argv[1:] if argv is None else argv
+    given = parser.parse_args([word for word in words if ":=" not in word])
     logging.getLogger("rosout").setLevel(logging.ERROR)
     graph.time_limit(_NETWORK)
-    found = examine(machine or Machine(), not given.not_running)
+    if given.file:
+        found = examine_file(machine or Machine(), given.file + [word for word in words if ":=" in word])
+    else:
+        found = examine(machine or Machine(), not given.not_running)
     code = LEVELS.index(worst(found))
     if given.json:
         kept = [dict(entry._asdict()) for entry in found if not (given.quiet and entry.level == OK)]
