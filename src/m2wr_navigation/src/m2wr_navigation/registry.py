@@ -46,6 +46,7 @@ CRITERIA: Dict[str, str] = {
 RECOVERIES: Dict[str, str] = {
     "clear_costmap_recovery/ClearCostmapRecovery": "m2wr_navigation.recoveries.clear_costmap:ClearCostmap",
     "rotate_recovery/RotateRecovery": "m2wr_navigation.recoveries.rotate:Rotate",
+    "m2wr_navigation/BackUpRecovery": "m2wr_navigation.recoveries.back_up:BackUp",
 }
 LAYERS: Dict[str, str] = {
     "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",

@@ -93,3 +93,53 @@ def test_a_robot_between_walls_does_not_turn_and_says_why():
 def test_a_robot_that_cannot_turn_ends_after_some_seconds():
     _, step, stamp = turn(behaviour("RotateRecovery"), speed=0.0)
     assert "has turned less" in step.reason and stamp < 5.0
+
+
+def back_out(made, costs, pose):
+    """Follow the behaviour without inertia; return the last step and the pose."""
+    x, y, yaw = pose
+    made.begin(placed(0.0, (x, y, yaw), costs))
+    for count in range(400):
+        step = made.step(placed(0.1 * count, (x, y, yaw), costs))
+        if step.done:
+            return step, (x, y, yaw)
+        assert step.velocity[0] < 0.0
+        yaw += 0.1 * step.velocity[2]
+        x, y = x + 0.1 * step.velocity[0] * math.cos(yaw), y + 0.1 * step.velocity[0] * math.sin(yaw)
+    pytest.fail("it does not end")
+
+
+def placed(stamp, pose, costs):
+    return Situation(stamp, 0.1, np.array(pose), np.zeros(3), np.zeros((1, 3)),
+                     Costmap(costs, 0.05, np.array([-2.5, -2.5]), "odom"), FOOTPRINT)
+
+
+def test_back_up_leaves_a_corridor_too_narrow_to_turn():
+    costs = np.zeros((100, 100), np.uint8)
+    costs[[46, 53], 40:] = 254                  # walls at y = -0.2 and 0.2, from x = -0.5 on
+    step, pose = back_out(behaviour("BackUpRecovery", None, distance=2.0), costs, (0.3, 0.0, 0.0))
+    assert "can turn after" in step.reason
+    assert pose[0] < -0.8 and abs(pose[1]) < 0.05       # the tip, 0.4 m ahead, is out of the corridor
+
+
+def test_back_up_does_nothing_where_the_robot_can_turn():
+    step, pose = back_out(behaviour("BackUpRecovery"), np.zeros((100, 100), np.uint8), (0.0, 0.0, 0.0))
+    assert step.done and not step.reason and pose == (0.0, 0.0, 0.0)
+
+
+def test_back_up_ends_before_a_wall_behind():
+    costs = np.zeros((100, 100), np.uint8)
+    costs[[46, 53], :] = 254
+    costs[46:54, 40] = 254                      # x = -0.5
+    step, pose = back_out(behaviour("BackUpRecovery", None, distance=2.0), costs, (0.0, 0.0, 0.0))
+    assert "would collide backwards" in step.reason
+    assert -0.3 < pose[0] < -0.2                # its end is 0.2 m behind its origin
+
+
+def test_back_up_ends_if_the_robot_does_not_move():
+    costs = np.zeros((100, 100), np.uint8)
+    costs[[46, 53], :] = 254
+    made = behaviour("BackUpRecovery")
+    made.begin(placed(0.0, (0.0, 0.0, 0.0), costs))
+    steps = [made.step(placed(0.1 * count, (0.0, 0.0, 0.0), costs)) for count in range(40)]
+    assert "has moved less than" in next(step for step in steps if step.done).reason

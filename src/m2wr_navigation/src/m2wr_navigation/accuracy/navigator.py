@@ -91,7 +91,9 @@ class Navigator(Costmaps):
         self._replan = 1.0 / values["planner_frequency"] if values["planner_frequency"] > 0.0 else math.inf
         self._slow = 1.0 / given["global_costmap"].get("update_frequency", 5.0)
         recoveries = []
-        for name, kind_name, own in RECOVERIES:
+        listed = [(entry["name"], entry["type"], given.get(entry["name"], {}))
+                  for entry in given.get("recovery_behaviors", ())]
+        for name, kind_name, own in listed or RECOVERIES:
             kind = registry.find(registry.RECOVERIES, kind_name)
             recoveries.append(kind(name, read(kind.PARAMETERS, own, name)[0], self))
         self.supervisor = Supervisor(values, self._made(registry.CONTROLLERS, given["base_local_planner"], given),
