@@ -34,15 +34,15 @@ if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
     say "compiling the kernels into their cache, so that the first launch does not wait (minutes on a slow machine)"
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
     if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
-        # numba checks only a kernel's own file, not those of the kernels it calls
-        if [ -n "$(find src/m2wr_gmapping/src -name '*.py' -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
-            find src/m2wr_gmapping/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
-        fi
-        (enter_run_environment && "$PYTHON" -m m2wr_gmapping.kernel_warm_up)
-        if [ -n "$(find src/m2wr_navigation/src -name '*.py' -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
-            find src/m2wr_navigation/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
-        fi
-        (enter_run_environment && "$PYTHON" -m m2wr_navigation.kernel_warm_up)
+        # numba checks only a kernel's own file, not those of the kernels and constants that it uses
+        for package in m2wr_gmapping m2wr_navigation; do
+            if [ -n "$(find "src/$package/src" \( -name '*kernels.py' -o -name '*_layout.py' -o -name 'tuning.py' \
+                       -o -name 'track.py' \) -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
+                find "src/$package/src" \( -name '*.nbi' -o -name '*.nbc' \) -delete
+            fi
+            (enter_run_environment && "$PYTHON" -m "$package.kernel_warm_up")
+        done
+        (enter_run_environment && "$PYTHON" -m m2wr_exploration.kernel_warm_up)
         : > "$CATKIN_BUILD/.m2wr_kernels"
     fi
 fi
