@@ -128,6 +128,13 @@ RULES = (
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers")),
     Rule("m2wr_navigation/best_path/*.py", NUMERIC, False, True, ("m2wr_navigation.ros", "m2wr_navigation.compare")),
     Rule("m2wr_navigation/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
+    Rule("m2wr_exploration/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_exploration/study/command.py", NUMERIC, False, False, ("m2wr_exploration.ros",)),      # measures time
+    Rule("m2wr_exploration/study/*.py", NUMERIC | {"matplotlib", "yaml"}, False, True, ("m2wr_exploration.ros",)),
+    Rule("m2wr_exploration/strategies/*.py", NUMERIC, False, True,
+         ("m2wr_exploration.ros", "m2wr_exploration.study", "m2wr_exploration.explorer")),
+    Rule("m2wr_exploration/*.py", NUMERIC, False, True,
+         ("m2wr_exploration.ros", "m2wr_exploration.study", "m2wr_navigation.ros")),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),
     Rule("motion_plan/ros/*.py", ANYTHING, True, False, ()),

@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``explore``: drives the robot to frontiers by move_base until nothing reachable is left."""
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
+
+import actionlib
+import numpy as np
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point
+from map_msgs.msg import OccupancyGridUpdate
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import Bool, ColorRGBA, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from m2wr_exploration import registry
+from m2wr_exploration.explorer import DONE, PARAMETERS, Decision, Explorer
+from m2wr_exploration.frontiers import costs_of_occupancy
+from m2wr_exploration.kernel_warm_up import compile_kernels
+from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
+from m2wr_navigation.registry import UnknownPluginError
+from m2wr_navigation.ros.transforms import TransformError, Transforms, yaw_of
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
+NODE: Dict[str, Parameter] = {
+    "robot_base_frame": text("base_link", "frame of the robot"),
+    "costmap_topic": text("costmap", "topic of the costmap or map"),
+    "costmap_updates_topic": text("costmap_updates", "topic of its changes"),
+    "visualize": flag(False, "whether ~frontiers is published"),
+    "planner_frequency": Parameter(1.0, "Hz", 0.01, 100.0, "rate at which the next goal is chosen"),
+    "transform_tolerance": Parameter(0.3, "s", 0.0, 60.0, "greatest age of the pose of the robot"),
+    "strategy": text("explore_lite", "which frontier is next: " + ", ".join(registry.STRATEGIES)),
+    "exit_on_done": flag(False, "whether the node ends when exploration has ended"),
+}
+MOST_CELLS = 100000000      # of a map
+TELL = 5.0                  # s between two messages about what is missing
+RESULTS = {GoalStatus.SUCCEEDED: "succeeded", GoalStatus.ABORTED: "aborted", GoalStatus.REJECTED: "aborted",
+           GoalStatus.PREEMPTED: "preempted", GoalStatus.RECALLED: "preempted", GoalStatus.LOST: "aborted"}
+
+
+class MapInput:
+    """The map from a topic and its changes; what cannot be used is told with its reason."""
+
+    def __init__(self, topic: str, updates: str) -> None:
+        self.costmap: Optional[Costmap] = None
+        self.topic = rospy.resolve_name(topic)
+        self._lock = threading.Lock()
+        rospy.Subscriber(topic, OccupancyGrid, self._on_map, queue_size=1)
+        rospy.Subscriber(updates, OccupancyGridUpdate, self._on_update, queue_size=10)
+
+    def _on_map(self, message: OccupancyGrid) -> None:
+        info = message.info
+        turn = yaw_of(info.origin.orientation)
+        place = np.array([info.origin.position.x, info.origin.position.y])
+        if not 0 < info.width * info.height <= MOST_CELLS or len(message.data) != info.width * info.height:
+            return self._refuse("has {} x {} cells and {} values; expected 1 to {} cells, one value each".format(
+                info.width, info.height, len(message.data), MOST_CELLS))
+        if not (np.isfinite(info.resolution) and info.resolution > 0.0 and np.isfinite(place).all()):
+            return self._refuse("has the resolution {} m and the origin {}; expected finite numbers, the resolution "
+                                "above 0".format(info.resolution, tuple(place.tolist())))
+        if not abs(turn) < 1e-6:
+            return self._refuse("is rotated by {:.3f} rad; expected a map along the axes of its frame".format(turn))
+        if not message.header.frame_id:
+            return self._refuse("has no frame_id; expected the frame of the map")
+        data = np.asarray(message.data, np.int8).reshape(info.height, info.width)
+        made = Costmap(costs_of_occupancy(data), float(info.resolution), place, message.header.frame_id)
+        with self._lock:
+            self.costmap = made
+        return None
+
+    def _refuse(self, reason: str) -> None:
+        rospy.logwarn_throttle(TELL, "the map on %s is not used: it %s" % (self.topic, reason))
+
+    def _on_update(self, message: OccupancyGridUpdate) -> None:
+        with self._lock:
+            if self.costmap is None:
+                return
+            rows, columns = self.costmap.shape
+            if message.x < 0 or message.y < 0 or message.x + message.width > columns \
+                    or message.y + message.height > rows or len(message.data) != message.width * message.height:
+                rospy.logwarn_throttle(TELL, "a change of %d x %d cells at (%d, %d) does not fit the map on %s of "
+                                       "%d x %d; it is not used" % (message.width, message.height, message.x, message.y,
+                                                                    self.topic, columns, rows))
+                return
+            data = np.asarray(message.data, np.int8).reshape(message.height, message.width)
+            self.costmap.costs[message.y:message.y + message.height,
+                               message.x:message.x + message.width] = costs_of_occupancy(data)
+
+    def snapshot(self) -> Optional[Costmap]:
+        """Return a copy of the newest map, or None."""
+        with self._lock:
+            return None if self.costmap is None else self.costmap.copy()
+
+
+class ExploreNode:
+    """Decides once a period, and sends goals to the action ``move_base``."""
+
+    def __init__(self) -> None:
+        self._values, self._explorer = self._configure()
+        self._transforms = Transforms()
+        self._map = MapInput(self._values["costmap_topic"], self._values["costmap_updates_topic"])
+        self._client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+        self._frontiers = rospy.Publisher("~frontiers", MarkerArray, queue_size=1)
+        self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
+        self._lock = threading.Lock()
+        self._result: Tuple[str, str] = ("", "")
+        self._sent, self._running, self._markers, self._shown = 0, True, 0, ""
+        rospy.Subscriber("explore/resume", Bool, self._on_resume, queue_size=1)
+        at_shutdown(self._stop)
+
+    def _configure(self) -> Tuple[Dict[str, Any], Explorer]:
+        given = dict(rospy.get_param("~", {}) or {})
+        place = rospy.get_name()
+        node, warnings = read(NODE, given, place)
+        values, more = read(PARAMETERS, given, place)
+        kind = registry.find(node["strategy"])
+        own, last = read(kind.PARAMETERS, given, place)
+        known = list(NODE) + list(PARAMETERS) + list(kind.PARAMETERS)
+        for warning in warnings + more + last + unknown(given, known, place):
+            rospy.logwarn("%s", warning)
+        return node, Explorer(values, kind(own))
+
+    def _stop(self) -> None:
+        if self._sent:
+            self._client.cancel_all_goals()
+
+    def _on_resume(self, message: Bool) -> None:
+        with self._lock:
+            if message.data == self._running:
+                return
+            self._running = message.data
+            if not message.data:
+                self._client.cancel_all_goals()
+                self._result = ("preempted", "")
+        rospy.loginfo("exploration continues" if message.data
+                      else "exploration is stopped; true on explore/resume continues it")
+
+    # ---- the loop ----------------------------------------------------------------------------------------------
+
+    def spin(self) -> int:
+        """Run until the node is shut down, or exploration has ended and ``exit_on_done`` is set; return 0."""
+        rate = rospy.Rate(self._values["planner_frequency"])
+        while not rospy.is_shutdown():
+            try:
+                self._turn()
+                if self._explorer.state == DONE and self._values["exit_on_done"]:
+                    rospy.rostime.wallsleep(0.3)         # the last messages are on their way
+                    return 0
+                rate.sleep()
+            except rospy.ROSTimeMovedBackwardsException:
+                rospy.logwarn("time has jumped back: exploration begins again")
+                self._client.cancel_all_goals()
+                self._values, self._explorer = self._configure()
+                self._result = ("", "")
+            except rospy.ROSInterruptException:
+                break
+        return 0
+
+    def _missing(self, reason: str) -> None:
+        rospy.logwarn_throttle(TELL, "waiting: %s" % reason)
+
+    def _turn(self) -> None:
+        costmap = self._map.snapshot()
+        if costmap is None:
+            return self._missing("no map on {}".format(self._map.topic))
+        if not self._client.wait_for_server(rospy.Duration(0.01)):
+            return self._missing("no action server on {}".format(rospy.resolve_name("move_base")))
+        try:
+            pose = self._transforms.fresh_pose(costmap.frame, self._values["robot_base_frame"],
+                                               max(self._values["transform_tolerance"],
+                                                   1.0 / self._values["planner_frequency"]))
+        except TransformError as error:
+            return self._missing(str(error))
+        with self._lock:
+            if not self._running:
+                return self._show("stopped")
+            (result, why), self._result = self._result, ("", "")
+        self._act(self._explorer.step(rospy.get_time(), costmap, pose, result, why), costmap)
+        if self._values["visualize"] or self._frontiers.get_num_connections():
+            self._show_frontiers()
+        return None
+
+    def _act(self, decision: Decision, costmap: Costmap) -> None:
+        for message in decision.messages:
+            rospy.loginfo("%s", message)
+        begun = self._shown
+        self._show(decision.state if decision.state != DONE else "done: " + self._explorer.summary)
+        if decision.goal is not None:
+            self._send(decision.goal, costmap.frame)
+        elif decision.cancel:
+            self._sent += 1                             # the answer to the old goal does not count
+            self._client.cancel_goal()
+        if decision.state == DONE and self._shown != begun:
+            rospy.loginfo("Exploration stopped.")       # the words of explore_lite, which scripts look for
+
+    def _show(self, state: str) -> None:
+        if state != self._shown:
+            self._shown = state
+            self._state.publish(String(state))
+
+    def _send(self, pose: FloatArray, frame: str) -> None:
+        goal = MoveBaseGoal()
+        goal.target_pose.header.frame_id = frame
+        goal.target_pose.header.stamp = rospy.Time.now()
+        goal.target_pose.pose = pose_message(pose)
+        self._sent += 1
+        number = self._sent
+
+        def done(status: int, _result: Any) -> None:
+            with self._lock:
+                if number == self._sent and status in RESULTS:
+                    self._result = (RESULTS[status], self._client.get_goal_status_text())
+
+        self._client.send_goal(goal, done)
+
+    # ---- pictures ----------------------------------------------------------------------------------------------
+
+    def _show_frontiers(self) -> None:
+        view = self._explorer.view
+        if view is None:
+            return
+        message, target = MarkerArray(), self._explorer.target
+        now = rospy.Time.now()
+        for number, frontier in enumerate(view.frontiers):
+            chosen = target is not None and np.hypot(*(frontier.centre - target.centre)) < 1e-6
+            aside = bool(self._explorer.aside.reason(frontier))
+            colour = ColorRGBA(0.1, 0.8, 0.2, 1.0) if chosen else (
+                ColorRGBA(0.9, 0.2, 0.1, 1.0) if aside else ColorRGBA(0.1, 0.3, 1.0, 1.0))
+            message.markers.append(self._marker(number, Marker.POINTS, frontier.points, colour, now))
+        for number in range(len(view.frontiers), self._markers):
+            gone = Marker(ns="frontiers", id=number, action=Marker.DELETE)
+            gone.header.frame_id, gone.header.stamp = view.costmap.frame, now
+            message.markers.append(gone)
+        self._markers = len(view.frontiers)
+        self._frontiers.publish(message)
+
+    def _marker(self, number: int, kind: int, points: FloatArray, colour: ColorRGBA, now: rospy.Time) -> Marker:
+        view = self._explorer.view
+        assert view is not None
+        marker = Marker(ns="frontiers", id=number, type=kind, action=Marker.ADD, color=colour)
+        marker.header.frame_id, marker.header.stamp = view.costmap.frame, now
+        marker.pose.orientation.w = 1.0
+        marker.scale.x = marker.scale.y = marker.scale.z = view.costmap.resolution
+        marker.points = [Point(x, y, 0.0) for x, y in points.tolist()]
+        return marker
+
+
+def main() -> int:
+    """Entry point of the executable; returns the exit code."""
+    start_node("explore")
+    try:
+        node = ExploreNode()
+    except UnknownPluginError as error:
+        rospy.logfatal("parameter %s: %s", rospy.resolve_name("~strategy"), error)
+        return 1
+    compile_kernels()
+    return node.spin()

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Frontiers that are not tried for now, each with its reason."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, List
+
+import numpy as np
+
+from m2wr_exploration.frontier_kernels import count_unknown
+
+if TYPE_CHECKING:
+    from m2wr_exploration.frontiers import Frontier
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.costmap.costmap import Costmap
+
+AROUND = 1.0        # m around a frontier in which the map counts
+CHANGED = 0.2       # share of the unknown cells there by which the map has to change
+
+
+@dataclass(eq=False)
+class Entry:
+    """One frontier that was set aside.
+
+    Attributes
+    ----------
+    points : (N, 2) float64
+        Its cells when it was set aside [m].
+    reason : str
+    unknown : float
+        Unknown area around it then [m^2].
+    until : float
+        When it may be tried again [s].
+    tries : int
+        How often it was set aside.
+    """
+
+    points: FloatArray
+    reason: str
+    unknown: float
+    until: float
+    tries: int
+
+    @property
+    def place(self) -> str:
+        """Centre, for a message."""
+        return "({:.2f}, {:.2f})".format(*self.points.mean(axis=0))
+
+
+def _unknown(costmap: Costmap, points: FloatArray) -> float:
+    return float(count_unknown(costmap.costs, costmap.cells(points), int(round(AROUND / costmap.resolution)))
+                 ) * costmap.resolution ** 2
+
+
+class SetAside:
+    """Remembers frontiers that could not be reached or that did not change.
+
+    A frontier is forgotten here, and may be tried at once, when the map around it has changed. It may be tried again
+    after a while, which doubles each time, and not after ``tries``.
+
+    Parameters
+    ----------
+    radius : float
+        A frontier whose centre is this near to one that was set aside is the same [m].
+    pause : float
+        Time until the second try [s].
+    tries : int
+        Most tries of a frontier in an area that does not change.
+    """
+
+    def __init__(self, radius: float, pause: float, tries: int) -> None:
+        self.radius, self.pause, self.tries = radius, pause, tries
+        self.entries: List[Entry] = []
+
+    def _near(self, frontier: Frontier) -> List[Entry]:
+        return [entry for entry in self.entries
+                if np.hypot(*(entry.points.mean(axis=0) - frontier.centre)) <= self.radius]
+
+    def add(self, now: float, costmap: Costmap, frontier: Frontier, reason: str) -> Entry:
+        """Set a frontier aside.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        costmap : Costmap
+            Of now.
+        frontier : Frontier
+        reason : str
+
+        Returns
+        -------
+        Entry
+        """
+        same = self._near(frontier)
+        tries = 1 + max((entry.tries for entry in same), default=0)
+        self.entries = [entry for entry in self.entries if entry not in same]
+        made = Entry(frontier.points, reason, _unknown(costmap, frontier.points),
+                     now + self.pause * 2.0 ** (tries - 1), tries)
+        self.entries.append(made)
+        return made
+
+    def forget_changed(self, costmap: Costmap) -> List[Entry]:
+        """Forget the frontiers around which the map has changed; return them.
+
+        Parameters
+        ----------
+        costmap : Costmap
+        """
+        changed = [entry for entry in self.entries if abs(_unknown(costmap, entry.points) - entry.unknown)
+                   > CHANGED * max(entry.unknown, costmap.resolution ** 2)]
+        self.entries = [entry for entry in self.entries if entry not in changed]
+        return changed
+
+    def allows(self, now: float, frontier: Frontier) -> bool:
+        """Return whether a frontier may be tried now.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        frontier : Frontier
+        """
+        return all(now >= entry.until and entry.tries < self.tries for entry in self._near(frontier))
+
+    def may_later(self, frontier: Frontier) -> bool:
+        """Return whether a frontier may be tried at some time, even if the map does not change."""
+        return all(entry.tries < self.tries for entry in self._near(frontier))
+
+    def reason(self, frontier: Frontier) -> str:
+        """Return why a frontier was set aside, or an empty string."""
+        return next((entry.reason for entry in self._near(frontier)), "")

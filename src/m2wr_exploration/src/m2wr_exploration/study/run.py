@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One exploration in the simulator: map, frontiers, planner and controller in one process, with exact odometry."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, List, Mapping, Tuple
+
+import numpy as np
+
+from m2wr_exploration.explorer import DONE, Explorer
+from m2wr_exploration.study.truth import explored_share
+from m2wr_navigation.accuracy.navigator import Navigator
+from m2wr_navigation.best_path.survey import Survey
+from m2wr_sim.api import Sim
+from motion_plan.body import LASER_X
+
+if TYPE_CHECKING:
+    from m2wr_exploration.strategies.strategy import Strategy
+    from m2wr_exploration.study.scenes import Place
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_sim.api import StepResult
+
+PERIOD = 0.1                # s: of scans and commands
+DECIDES = 1.0               # s: between two looks at the map
+MARGIN = 3.0                # m: of the map around the world
+LIMIT = 3600.0              # s of simulated time
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """What came of one exploration.
+
+    Attributes
+    ----------
+    share : float
+        Of the reachable free area that was seen.
+    area : float
+        That area [m^2].
+    length : float
+        Of the path [m].
+    time : float
+        Simulated [s].
+    contacts : int
+    ended : str
+        Why it ended.
+    goals : int
+        That were sent.
+    curve : (N, 2) float64
+        Length of the path [m] and share, once a second.
+    path : (N, 2) float64
+        Places of the robot, once a second [m].
+    messages : list of str
+    known : Costmap
+        The map at the end.
+    """
+
+    share: float
+    area: float
+    length: float
+    time: float
+    contacts: int
+    ended: str
+    goals: int
+    curve: FloatArray
+    path: FloatArray
+    messages: List[str]
+    known: Costmap
+
+
+class _Drive:
+    """The state of a run."""
+
+    def __init__(self, place: Place, explorer: Explorer, given: Mapping[str, Any]) -> None:
+        self.place, self.explorer = place, explorer
+        truth = place.truth
+        side = max(truth.shape) * truth.resolution + 2.0 * MARGIN
+        self.survey = Survey(side, truth.origin + 0.5 * truth.resolution * np.array(truth.shape[::-1]), "map")
+        self.navigator = Navigator(None, given, np.array([LASER_X, 0.0, 0.0]))
+        self.navigator.maps["global"].set_footprint(np.array(given["global_costmap"]["footprint"], float))
+        self.driving, self.result, self.text = False, "", ""
+        self.messages: List[str] = []
+        self.curve: List[Tuple[float, float]] = []
+        self.path: List[Tuple[float, float]] = []
+        self.length, self.goals = 0.0, 0
+        self._last: Tuple[float, float] = place.start[:2]
+        self._decided = -math.inf
+
+    def look(self, result: StepResult) -> None:
+        """Take a scan."""
+        assert result.scan is not None
+        pose = np.array(result.pose)
+        self.length += math.hypot(pose[0] - self._last[0], pose[1] - self._last[1])
+        self._last = float(pose[0]), float(pose[1])
+        self.survey.add(result.time, pose, result.scan)
+        self.navigator.look(result.time, result.scan, pose)
+
+    def decide(self, result: StepResult) -> bool:
+        """Choose a goal where one is due; return whether exploration has ended."""
+        if not self.result and result.time - self._decided < DECIDES:
+            return False
+        self._decided = result.time
+        static = self.navigator.maps["global"].static_layer()
+        assert static is not None
+        static.set_map(self.survey.occupancy(), self.survey.costs.resolution,
+                       np.append(self.survey.costs.origin, 0.0), "map")
+        self.navigator.maps["global"].update(np.array(result.pose), result.time)
+        decision = self.explorer.step(result.time, self.navigator.maps["global"].snapshot(), np.array(result.pose),
+                                      self.result, self.text)
+        self.result, self.text = "", ""
+        self.messages += ["{:.0f} s: {}".format(result.time, message) for message in decision.messages]
+        if decision.goal is not None:
+            self.navigator.begin(result.time, decision.goal)
+            self.driving, self.goals = True, self.goals + 1
+        elif decision.cancel:
+            self.driving = False
+        self.curve.append((self.length, explored_share(self.place.truth, self.place.wanted, self.survey.costs)[0]))
+        self.path.append(self._last)
+        return decision.state == DONE
+
+    def command(self, result: StepResult) -> Tuple[float, float]:
+        """Return the next command."""
+        if not self.driving:
+            return 0.0, 0.0
+        assert result.odometry is not None
+        measured = result.odometry
+        outcome = self.navigator.cycle(result.time, np.array([measured.linear_x, measured.linear_y,
+                                                              measured.angular_z]))
+        self.messages += self.navigator.messages
+        self.navigator.messages = []
+        if outcome.result:
+            self.driving, self.result, self.text = False, outcome.result, outcome.text
+        if outcome.velocity is None:
+            return 0.0, 0.0
+        return float(outcome.velocity[0]), float(outcome.velocity[2])
+
+
+def explore(place: Place, strategy: Strategy, values: Mapping[str, Any], given: Mapping[str, Any],
+            seed: int) -> Exploration:
+    """Explore a world until nothing reachable is left, or LIMIT.
+
+    Parameters
+    ----------
+    place : Place
+    strategy : Strategy
+    values : mapping of str to object
+        Parameters of the explorer.
+    given : mapping of str to object
+        Parameters of move_base.
+    seed : int
+        Of the noise of the laser.
+
+    Returns
+    -------
+    Exploration
+    """
+    drive = _Drive(place, Explorer(values, strategy), given)
+    contacts, ended = 0, False
+    with Sim(place.world, "m2wr", place.start, seed=seed, sensing="now") as sim:
+        result = sim.step((0.0, 0.0), PERIOD)
+        begun = result.time
+        while not ended and result.time - begun < LIMIT:
+            drive.look(result)
+            ended = drive.decide(result)
+            result = sim.step(drive.command(result), PERIOD)
+            contacts += len(result.contacts)
+    share, area = explored_share(place.truth, place.wanted, drive.survey.costs)
+    return Exploration(share, area, drive.length, result.time - begun, contacts,
+                       drive.explorer.summary or "time out", drive.goals, np.array(drive.curve),
+                       np.array(drive.path), drive.messages, drive.survey.snapshot())

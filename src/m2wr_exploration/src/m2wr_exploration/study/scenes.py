@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Worlds to explore: given ones, a house, and generated buildings; each with a start and its true map."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Dict, Iterator, Tuple
+
+import numpy as np
+
+from m2wr_campaign.worlds.generators import GENERATORS, generate
+from m2wr_exploration.study.truth import reachable_area
+from m2wr_navigation.accuracy.scenes import house
+from m2wr_navigation.compare.planned import costmap_of
+from m2wr_navigation.compare.scenes import given
+from m2wr_sim.api import read_world
+from m2wr_sim.model.outlines import obstacle_outlines
+from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT
+from motion_plan.body import TURNING_RADIUS
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray
+    from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_sim.model.types import World
+
+#: Generators of buildings, with values that differ from their defaults.
+BUILDINGS: Tuple[Tuple[str, Dict[str, float]], ...] = (("office", {}), ("rooms", {}), ("maze", {"cells": 4}))
+ROOM = TURNING_RADIUS + 0.05  # m: the disc in which the robot turns, and a cell: obstacles on a grid are larger
+STARTS = {"world01": (0.0, 8.0, 0.0), "world02": (0.0, 8.0, 0.0), "world03": (0.0, 8.0, 0.0),
+          "unreachable": (0.0, 8.0, 0.0), "house": (0.0, 0.0, 0.0)}
+
+
+@dataclass(frozen=True)
+class Place:
+    """A world to explore.
+
+    Attributes
+    ----------
+    name : str
+    world : World
+    start : (3,) float
+        [m, m, rad]
+    truth : Costmap
+        Of the true world.
+    wanted : (H, W) bool
+        Its free cells within ROOM of where the robot can turn.
+    """
+
+    name: str
+    world: World
+    start: Tuple[float, float, float]
+    truth: Costmap
+    wanted: BoolArray
+
+
+def place(name: str, world: World, start: Tuple[float, float, float]) -> Place:
+    """Return a world with its truth.
+
+    Parameters
+    ----------
+    name : str
+    world : World
+    start : (3,) float
+        [m, m, rad]
+
+    Raises
+    ------
+    ValueError
+        If the robot cannot be at its start, or the world is too large.
+    """
+    outlines = obstacle_outlines(world, FLOOR, ROBOT_HEIGHT)
+    truth = costmap_of(outlines, np.array([start[:2]]), ROOM)
+    return Place(name, world, start, truth, reachable_area(truth, np.array(start[:2]), ROOM))
+
+
+def named(name: str, seed: int) -> Place:
+    """Return a world by its name or file; the start is random where none is known.
+
+    Parameters
+    ----------
+    name : str
+        ``house``, or as :func:`m2wr_sim.api.read_world` takes it.
+    seed : int
+
+    Raises
+    ------
+    ValueError, SimError
+        If there is no such world, or no place to start.
+    """
+    text = house() if name == "house" else name
+    start = STARTS.get(name) or given(text, seed, ROOM).start
+    return place(name, read_world(text), start)
+
+
+def buildings(count: int, seed: int) -> Iterator[Place]:
+    """Yield generated buildings, by turns of each kind.
+
+    Parameters
+    ----------
+    count : int
+    seed : int
+    """
+    for number in range(count):
+        kind, values = BUILDINGS[number % len(BUILDINGS)]
+        all_values = {name: parameter.default for name, parameter in GENERATORS[kind].parameters.items()}
+        text, ends = generate(kind, dict(all_values, **values), seed, number, ROOM)
+        yield place("{} {}".format(kind, number), read_world(text), ends[0])

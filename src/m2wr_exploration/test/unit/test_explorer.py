@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Explorations on drawn grids: they see everything, and they end whatever happens."""
+import numpy as np
+import pytest
+
+from exploration_grids import World
+from m2wr_exploration.explorer import DONE, PARAMETERS, RETURNING, Explorer
+from m2wr_exploration.registry import find
+from m2wr_navigation.parameters import read
+
+HOUSE = """
+####################
+#........#.........#
+#........#.........#
+#..................#
+#........#.........#
+####.#########.#####
+#..................#
+#..................#
+####################"""
+START = (1.25, 3.25, 0.0)
+LONG = 5000             # steps of a second: more than any of these explorations may take
+
+
+def explorer(**given):
+    kind = find("nearest")
+    values, warnings = read(PARAMETERS, given, "~")
+    assert not warnings
+    return Explorer(values, kind(read(kind.PARAMETERS, {}, "")[0]))
+
+
+def run(made, world, answer=lambda goal: "succeeded", moves=True):
+    """Explore; the robot is at its goal one second after it was sent. Return decisions and the pose."""
+    pose, decisions, result, goal = np.array(START), [], "", None
+    for now in range(LONG):
+        world.see(pose[0], pose[1])
+        decision = made.step(float(now), world.known, pose, result, "a reason" if result == "aborted" else "")
+        decisions.append(decision)
+        if decision.state == DONE:
+            return decisions, pose
+        goal = decision.goal if decision.goal is not None else (None if decision.cancel else goal)
+        result = "" if goal is None else answer(goal)
+        if result == "succeeded" and moves:
+            pose = goal
+        if result:
+            goal = None
+    pytest.fail("exploration does not end: %s" % [decision.messages for decision in decisions[-3:]])
+
+
+def texts(decisions):
+    return [message for decision in decisions for message in decision.messages]
+
+
+def test_a_house_is_seen_whole():
+    world, made = World(HOUSE), explorer()
+    run(made, world)
+    free = world.truth.costs == 0
+    assert (world.known.costs[free] == 0).all() and made.summary == "no reachable frontier is left"
+
+
+def test_aborted_goals_are_told_tried_again_and_given_up():
+    world, made = World(HOUSE), explorer(retry_after=10.0, tries=2)
+    decisions, _ = run(made, world, lambda goal: "aborted")
+    told = texts(decisions)
+    assert any("could not be reached: a reason" in text for text in told)
+    assert any("they will be tried again" in text for text in told)
+    assert "given up" in told[-1] and "a reason" in told[-1]
+
+
+def test_a_robot_that_does_not_move_is_noticed():
+    world, made = World(HOUSE), explorer(progress_timeout=5.0, retry_after=1.0)
+    decisions, _ = run(made, world, lambda goal: "")
+    assert any("came no nearer within 5 s" in text for text in texts(decisions))
+
+
+def test_frontiers_that_show_nothing_new_are_set_aside():
+    world, made = World(HOUSE), explorer(retry_after=1.0)
+    decisions, _ = run(made, world, moves=False)
+    assert any("shows nothing new" in text for text in texts(decisions))
+
+
+def test_exploration_ends_although_frontiers_come_and_go():
+    """A map whose unknown cells change at random, as behind glass: only the known area tells that nothing is found."""
+    world, made = World(HOUSE), explorer(stall_timeout=60.0, retry_after=1.0, tries=100)
+    random = np.random.default_rng(1)
+    see = world.see
+
+    def flicker(x, y):
+        see(x, y)
+        world.known.costs[random.integers(1, 8, 12), random.integers(1, 19, 12)] = 255
+
+    world.see = flicker
+    decisions, _ = run(made, world)
+    assert "has not grown for stall_timeout" in made.summary
+
+
+def test_a_door_that_opens_is_explored():
+    """The goal behind it is aborted once; the map around it changes later."""
+    world, made = World(HOUSE), explorer(retry_after=1e6, tries=2)
+    aborted, see = [], world.see
+
+    def answer(goal):
+        if not aborted and goal[1] < 2.0:
+            aborted.append(goal)
+            return "aborted"
+        return "succeeded"
+
+    def changing(x, y):
+        see(x, y)
+        if len(aborted) == 1 and made.aside.entries:
+            aborted.append(None)
+            world.known.costs[:4, 4:] = world.truth.costs[:4, 4:]
+
+    world.see = changing
+    decisions, _ = run(made, world, answer)
+    assert any("has changed: it may be explored again" in text for text in texts(decisions))
+    assert (world.known.costs[world.truth.costs == 0] == 0).all()
+
+
+def test_what_is_too_far_away_is_not_explored():
+    world, made = World(HOUSE), explorer(max_distance=3.0)
+    decisions, _ = run(made, world)
+    assert any("max_distance" in text for text in texts(decisions))
+    assert all(np.hypot(*(decision.goal[:2] - np.array(START[:2]))) <= 3.0
+               for decision in decisions if decision.goal is not None)
+
+
+def test_the_limit_of_time_is_told():
+    made = explorer(time_limit=3.0)
+    run(made, World(HOUSE, reach=1.0))
+    assert made.summary == "time_limit of 3 s is over"
+
+
+def test_the_robot_returns_to_where_it_began():
+    decisions, pose = run(explorer(return_to_start=True), World(HOUSE))
+    assert pose == pytest.approx(START) and "back at its start" in texts(decisions)[-1]
+    assert any(decision.state == RETURNING for decision in decisions)
+
+
+def test_a_return_that_fails_ends_too():
+    sent = []
+
+    def answer(goal):
+        sent.append(goal)
+        return "aborted" if np.allclose(goal, START) else "succeeded"
+
+    decisions, _ = run(explorer(return_to_start=True), World(HOUSE), answer)
+    assert "did not get back" in texts(decisions)[-1]
+
+
+def test_a_map_that_shrinks_is_no_error():
+    world, made = World(HOUSE), explorer()
+    world.see(*START[:2])
+    made.step(0.0, world.known, np.array(START))
+    small = World("...\n...\n...", resolution=1.0)
+    small.see(1.5, 1.5)
+    decision = made.step(1.0, small.known, np.array([1.5, 1.5, 0.0]))
+    assert decision.state != DONE
+
+
+def test_a_robot_between_two_equal_frontiers_keeps_its_goal():
+    world, made = World("#" * 21 + "\n#" + "." * 19 + "#\n" + "#" * 21, reach=2.0), explorer()
+    pose, goals = np.array([5.25, 0.75, 0.0]), []
+    for now in range(12):
+        world.see(5.25, 0.75)                   # the robot turns to and fro, and sees nothing new
+        decision = made.step(float(now), world.known, pose)
+        goals += [] if decision.goal is None else [tuple(decision.goal[:2])]
+        pose = pose + np.array([0.02 if now % 2 else -0.02, 0.0, 0.0])
+    assert len(goals) == 1

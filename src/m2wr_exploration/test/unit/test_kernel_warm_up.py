@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Nothing is compiled once the kernels are warm, so that the node does not compile while the robot drives."""
+import numpy as np
+
+from exploration_grids import World
+from m2wr_exploration.explorer import PARAMETERS, Explorer
+from m2wr_exploration.kernel_warm_up import compile_kernels
+from m2wr_exploration.registry import STRATEGIES, find
+from m2wr_navigation.parameters import read
+from m2wr_node.kernel_progress import kernels
+
+
+def compiled():
+    return {name: len(kernel.signatures) for name, kernel in kernels("m2wr_exploration").items()}
+
+
+def test_exploration_compiles_nothing_after_the_warm_up():
+    compile_kernels()
+    before = compiled()
+    assert len(before) == 5 and all(before.values())
+    values = read(PARAMETERS, {"robot_radius": 0.3, "min_frontier_size": 0.0}, "~")[0]
+    for name in STRATEGIES:
+        kind, world = find(name), World("........\n" * 8)
+        made = Explorer(values, kind(read(kind.PARAMETERS, {}, "~")[0]))
+        for now, place in enumerate(((0.5, 0.5), (2.0, 2.0))):
+            world.see(*place)
+            made.step(float(now), world.known, np.array([*place, 0.0]), "aborted" if now else "")
+    assert compiled() == before
