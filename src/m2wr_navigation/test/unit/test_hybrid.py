@@ -60,6 +60,26 @@ def test_backing_makes_a_turn_in_a_narrow_place_shorter():
     assert np.sum(lengths[ahead < 0.0]) > 2.0
 
 
+def test_in_a_narrow_place_a_robot_turns_round_by_backing():
+    costmap = Costmap.filled((80, 100), 0.05, (0.0, 0.0), 254)
+    costmap.costs[20:50, 5:95] = 0              # a corridor 1.5 m wide: a full turn ahead needs 2 m
+    plan = planned(costmap, (1.5, 1.75, 0.0), (3.5, 1.75, math.pi), reverse_factor=1.5)
+    lengths, turns, ahead = steps_of(plan)
+    assert not plan.reason and (ahead < -1e-9).any() and (ahead > 1e-9).any()
+    assert np.abs(ahead) == pytest.approx(lengths, abs=1e-9)
+    assert (2.0 * RADIUS * np.sin(0.5 * np.abs(turns)) <= lengths * (1.0 + 1e-6) + 1e-9).all()
+    assert all(costmap.cost_at(x, y) == 0 for x, y in plan.poses[:, :2])
+    assert math.cos(plan.poses[-1, 2]) == pytest.approx(-1.0)
+
+
+def test_in_the_open_a_path_with_backing_is_no_dearer_than_one_ahead():
+    costmap = Costmap.filled((200, 200), 0.05, (0.0, 0.0), 0)
+    ends = (5.0, 5.0, 0.0), (5.0, 5.6, math.pi)
+    ahead = planned(costmap, *ends)
+    back = planned(costmap, *ends, reverse_factor=1.0, change_cost=0.0)
+    assert back.length < 0.8 * ahead.length and back.length == pytest.approx(math.pi * RADIUS, rel=0.01)
+
+
 def test_any_heading_gives_no_longer_a_path_than_a_given_one():
     costmap = walled()
     free = planned(costmap, (1.0, 1.0, 0.0), (5.0, 1.0, 1.0), any_goal_heading=True)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_navigation.planners.hybrid_kernels import arc, dubins, shot_poses
+from m2wr_navigation.planners.hybrid_kernels import arc, dubins, shot, shot_poses
 
 RADIUS = 1.5
 
@@ -20,7 +20,9 @@ def test_a_path_ends_at_its_goal_and_has_the_length_that_is_told():
     words = set()
     for start, goal in pairs(3000):
         length, word, *_ = dubins(start, goal, RADIUS)
-        poses = shot_poses(start, goal, RADIUS)
+        parts = np.empty((5, 2))
+        assert shot(start, goal, RADIUS, 0.0, 0.0, 1.0, parts) == length
+        poses = shot_poses(start, parts)
         assert poses[-1, :2] == pytest.approx(goal[:2], abs=1e-6)
         assert math.cos(poses[-1, 2] - goal[2]) == pytest.approx(1.0)
         assert np.hypot(*np.diff(np.vstack([start, poses])[:, :2], axis=0).T).sum() == pytest.approx(length, rel=0.01)

@@ -11,6 +11,7 @@ from m2wr_navigation.parameters import Parameter, flag
 from m2wr_navigation.planners import hybrid_kernels, wave_kernels
 from m2wr_navigation.planners.navfn import Navfn
 from m2wr_navigation.planners.planner import Plan, PlanningError, cell_of, leave_inscribed, reachable_goal
+from m2wr_navigation.planners.reeds_shepp_kernels import MOST_PARTS
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -24,7 +25,7 @@ HEAP = 4                    # places of the heap for each node
 
 
 class HybridAStar(Navfn):
-    """Hybrid A* with arcs of the least turning radius, and Dubins paths to the goal."""
+    """Hybrid A* with arcs of the least turning radius; to the goal by Dubins' paths, or Reeds' and Shepp's with backing."""
 
     PARAMETERS = {
         "allow_unknown": flag(True, "whether paths may cross unknown cells", False),
@@ -68,7 +69,7 @@ class HybridAStar(Navfn):
             raise PlanningError("start and goal are connected, but there is no path with a turning radius of {:g} m "
                                 "and the headings {:.2f} and {:.2f} ({} nodes)".format(
                                     values["turning_radius"], start[2], goal[2], count))
-        found = self._path(memory, node, (to_pose[0], to_pose[1], heading), radius)
+        found = self._path(memory, node, (to_pose[0], to_pose[1], heading), options)
         poses = np.column_stack([found[:, :2] * cell + costmap.origin,
                                  (found[:, 2] + math.pi) % (2.0 * math.pi) - math.pi])
         if len(way_out) > 1:
@@ -81,11 +82,12 @@ class HybridAStar(Navfn):
         return float(x), float(y), float(pose[2])
 
     @staticmethod
-    def _path(memory: Any, node: int, goal: Pose, radius: float) -> FloatArray:
+    def _path(memory: Any, node: int, goal: Pose, options: Tuple[float, float, float, float]) -> FloatArray:
         """Return the poses (N, 3) from the start through a node to the goal [cells, cells, rad]."""
         poses, links = memory[0], memory[2]
         chain: List[int] = [node]
         while links[chain[-1], 0] >= 0:
             chain.append(int(links[chain[-1], 0]))
-        last = tuple(poses[node].tolist())
-        return np.concatenate([poses[chain[::-1]], hybrid_kernels.shot_poses(last, goal, radius)])
+        last, parts = tuple(poses[node].tolist()), np.empty((MOST_PARTS, 2))
+        hybrid_kernels.shot(last, goal, *options[:3], float(links[node, 1]), parts)
+        return np.concatenate([poses[chain[::-1]], hybrid_kernels.shot_poses(last, parts)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Hybrid A* on a costmap, with Dubins paths (Dolgov, Thrun, Montemerlo, Diebel 2008; Dubins 1957).
+"""Hybrid A* on a costmap, with Dubins or Reeds-Shepp paths (Dolgov, Thrun, Montemerlo, Diebel 2008; Dubins 1957).
 
 All lengths are in cells; x counts columns, y rows, from the corner of cell (0, 0). A node is a bin of one cell and one
 of HEADINGS headings, and keeps the exact pose with which the bin was reached.
@@ -13,15 +13,18 @@ import numpy as np
 from numba import njit
 
 from m2wr_navigation.planners.heap_kernels import pop, push
+from m2wr_navigation.planners.reeds_shepp_kernels import MOST_PARTS, reeds_shepp
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
 
 HEADINGS = 72               # bins of 5 degrees
 STEP = 1.5                  # cells of an arc: more than the diagonal of a cell, so that each leads to another bin
+SHORT = 1e-9                # cells: shorter parts of a path are none
 CHECK = 0.5                 # cells between two places of a path that are looked up
 SHOTS = 12                  # headings at the goal that are tried if it has none
 ROUNDING = 1e-12            # of the square of a length in radii
+FAR = 10.0                  # radii: beyond, the headings change little of the length of a path with backing
 _FULL = 2.0 * math.pi
 
 
@@ -148,53 +151,98 @@ def _curvatures(word: int, radius: float) -> Tuple[float, float, float]:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def shot_cost(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float],
-              goal: Tuple[float, float, float], radius: float) -> float:
-    """Return the cost of the Dubins path to a goal, inf: it is blocked.
+def shot(pose: Tuple[float, float, float], goal: Tuple[float, float, float], radius: float, backwards: float,
+         change: float, before: float, parts: FloatArray) -> float:
+    """Return the cost in free space of the best path to a goal: by Reeds and Shepp, or by Dubins without backing.
+
+    Parameters
+    ----------
+    pose, goal : (float, float, float)
+    radius : float
+    backwards : float
+        Factor of the cost backwards; 0: never.
+    change : float
+        Added cost of a change of direction.
+    before : float
+        1 or -1: how the vehicle comes to the pose.
+    parts : (5, 2) float64
+        Written: signed length and curvature of each part of the path.
+    """
+    length, word, one, two, three = dubins(pose, goal, radius)
+    if backwards > 0.0:
+        # where backing is dear, arcs beyond half a turn may be the best: they are Dubins' only
+        cost = reeds_shepp(pose, goal, radius, backwards, change, before, parts)
+        length += change if before < 0.0 else 0.0
+        if cost <= length:
+            return cost
+    bends = _curvatures(word, radius)
+    parts[:] = 0.0
+    parts[0, 0], parts[1, 0], parts[2, 0] = radius * one, radius * two, radius * three
+    parts[0, 1], parts[1, 1], parts[2, 1] = bends
+    return length
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def shot_cost(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float], backwards: float,
+              change: float, before: float, parts: FloatArray) -> float:
+    """Return the cost of a path on the costmap, inf: it is blocked.
 
     Parameters
     ----------
     costs : (H, W) uint8
     table : (256,) float32
-    pose, goal : (float, float, float)
-    radius : float
+    pose : (float, float, float)
+        Where it begins.
+    backwards, change, before : float
+    parts : (5, 2) float64
+        As for :func:`shot`.
     """
-    _, word, one, two, three = dubins(pose, goal, radius)
-    bends = _curvatures(word, radius)
-    total, place = 0.0, pose
-    for k in range(3):
-        length = radius * (one if k == 0 else two if k == 1 else three)
-        if length > 0.0:
-            total += cost_along(costs, table, place, length, bends[k])
+    total, place, sense = 0.0, pose, before
+    for k in range(MOST_PARTS):
+        length, bend = parts[k]
+        if abs(length) > SHORT:
+            now = 1.0 if length > 0.0 else -1.0
+            total += cost_along(costs, table, place, length, bend) * (1.0 if length > 0.0 else backwards) \
+                + (change if now != sense else 0.0)
             if total == np.inf:
                 return total
-            place = arc(place, length, bends[k])
+            place, sense = arc(place, length, bend), now
     return total
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def shot_poses(pose: Tuple[float, float, float], goal: Tuple[float, float, float], radius: float) -> FloatArray:
-    """Return poses (N, 3) along the Dubins path, without its start.
+def shot_poses(pose: Tuple[float, float, float], parts: FloatArray) -> FloatArray:
+    """Return poses (N, 3) along a path, without its start.
 
     Parameters
     ----------
-    pose, goal : (float, float, float)
-    radius : float
+    pose : (float, float, float)
+    parts : (5, 2) float64
+        As for :func:`shot`.
     """
-    length, word, one, two, three = dubins(pose, goal, radius)
-    bends = _curvatures(word, radius)
-    out, count, place = np.empty((int(length / CHECK) + 6, 3)), 0, pose
-    for k in range(3):
-        part = radius * (one if k == 0 else two if k == 1 else three)
-        if part <= 1e-9:
+    out, count, place = np.empty((int(np.abs(parts[:, 0]).sum() / CHECK) + 2 * MOST_PARTS, 3)), 0, pose
+    for k in range(MOST_PARTS):
+        length, bend = parts[k]
+        if abs(length) <= SHORT:
             continue
-        steps = max(1, math.ceil(part / CHECK))
+        steps = max(1, math.ceil(abs(length) / CHECK))
         for j in range(1, steps + 1):
-            at = arc(place, part * j / steps, bends[k])
+            at = arc(place, length * j / steps, bend)
             out[count, 0], out[count, 1], out[count, 2] = at
             count += 1
-        place = arc(place, part, bends[k])
+        place = arc(place, length, bend)
     return out[:count].copy()
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _least_left(there: Tuple[float, float, float], goal: Tuple[float, float, float], by_cells: float, radius: float,
+                backwards: float, parts: FloatArray) -> float:
+    """Return what the way to a goal with a heading costs at least."""
+    if backwards == 0.0:
+        return max(by_cells, dubins(there, goal, radius)[0])
+    if by_cells > FAR * radius:
+        return by_cells * min(1.0, backwards)
+    return max(by_cells, reeds_shepp(there, goal, radius, 1.0, 0.0, 0.0, parts)) * min(1.0, backwards)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -218,7 +266,7 @@ def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array
                   goal: Tuple[float, float, float], options: Tuple[float, float, float, float],
                   memory: Tuple[FloatArray, Float32Array, Int32Array, IndexArray, Int32Array, Float32Array,
                                 Int32Array]) -> Tuple[int, int, float]:
-    """Search from a start until the Dubins path to the goal is the best that is left.
+    """Search from a start until the path in free space to the goal is the best that is left.
 
     Parameters
     ----------
@@ -238,7 +286,7 @@ def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array
     Returns
     -------
     node : int
-        From which the last Dubins path begins; -1: none was found.
+        From which the last path in free space begins; -1: none was found.
     count : int
         Nodes.
     heading : float
@@ -246,7 +294,7 @@ def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array
     """
     radius, backwards, change, any_heading = options
     poses, total, links, keys, values, heap_keys, heap_items = memory
-    columns = costs.shape[1]
+    columns, parts = costs.shape[1], np.empty((MOST_PARTS, 2))
     poses[0, 0], poses[0, 1], poses[0, 2] = start
     total[0], links[0, 0], links[0, 1] = 0.0, -1, 1
     slot = _slot(keys, _key(start, columns))
@@ -268,8 +316,9 @@ def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array
             for k in range(SHOTS if any_heading > 0.0 else 1):
                 heading = goal[2] if any_heading == 0.0 else k * _FULL / SHOTS
                 end = (goal[0], goal[1], heading)
-                if total[node] + dubins(here, end, radius)[0] < best:
-                    found = total[node] + shot_cost(costs, table, here, end, radius)
+                before = float(links[node, 1])
+                if total[node] + shot(here, end, radius, backwards, change, before, parts) < best:
+                    found = total[node] + shot_cost(costs, table, here, backwards, change, before, parts)
                     if found < best:
                         best, best_node, best_heading = found, node, heading
         for k in range(6 if backwards > 0.0 else 3):
@@ -281,8 +330,8 @@ def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array
             spent = total[node] + spent * (1.0 if sign > 0 else backwards) + (change if sign != links[node, 1] else 0.0)
             there = arc(here, sign * STEP, bend)
             left = distance[int(there[1]), int(there[0])]
-            if any_heading == 0.0 and backwards == 0.0:
-                left = max(left, dubins(there, goal, radius)[0])
+            if any_heading == 0.0:
+                left = _least_left(there, goal, left, radius, backwards, parts)
             if not spent + left < best:
                 continue
             key_there = _key(there, columns)
