@@ -25,7 +25,7 @@ HEAP = 4                    # places of the heap for each node
 
 
 class HybridAStar(Navfn):
-    """Hybrid A* with arcs of the least turning radius; to the goal by Dubins' paths, or Reeds' and Shepp's with backing."""
+    """Hybrid A* with arcs of the least turning radius; to the goal by Dubins or, with backing, Reeds-Shepp paths."""
 
     PARAMETERS = {
         "allow_unknown": flag(True, "whether paths may cross unknown cells", False),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Shortest paths of a vehicle that drives ahead and backwards with a least turning radius (Reeds and Shepp 1990).
 
-Such a path has at most five parts, each an arc of the least radius or a straight line. Up to three symmetries all of them
-are of eight forms: drive time backwards, mirror left and right, and read the path from its end.
+Such a path has at most five parts, each an arc of the least radius or a straight line. Up to three symmetries all of
+them are of eight forms: drive time backwards, mirror left and right, and read the path from its end.
 """
 from __future__ import annotations
 
