@@ -12,6 +12,7 @@ import numpy as np
 
 from m2wr_navigation import registry
 from m2wr_navigation.benchmark import grids
+from m2wr_navigation.benchmark.reference import NAMES, NoReferenceError, reference_path
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 LARGE = 4000                # cells along a side of the largest grid
 REPEATED = 5                # times, of which the best counts
 BEAMS = 720
+SAMPLING_TIME = 1.0         # s of wall time for a planner that samples
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,35 @@ def plan_row(scene: str, costmap: Costmap, ends: Tuple[Cell, Cell], name: str) -
                plan.reason or "{:.1f} m".format(plan.length))
 
 
+def sampling_row(costmap: Costmap, ends: Tuple[Cell, Cell], name: str, seconds: float) -> Row:
+    """Return the path that a planner finds in some time by samples, and that of OMPL.
+
+    Parameters
+    ----------
+    costmap : Costmap
+    ends : (start, goal)
+        Cells.
+    name : str
+        Of the planner.
+    seconds : float
+        Wall time for each.
+    """
+    kind = registry.find(registry.PLANNERS, name)
+    values = read(kind.PARAMETERS, {"planning_time": seconds, "iterations": 20000, "cost_factor": 0.0}, name)[0]
+    start, goal = (np.array([*costmap.centre(*cell), 0.0]) for cell in ends)
+    begun = time.process_time()
+    plan = kind(values, time.perf_counter).plan(costmap, start, goal)
+    spent = 1e3 * (time.process_time() - begun)
+    try:
+        theirs = reference_path(name, costmap, start[:2], goal[:2], seconds)
+        told = "{:.2f} m".format(float(np.hypot(*np.diff(theirs, axis=0).T).sum())) if len(theirs) else "none"
+    except NoReferenceError as error:
+        told = str(error)
+    return Row("{}, {:g} s or 20000 samples, {} x {} cells, blocks".format(name, seconds, costmap.rows, costmap.rows),
+               spent, None, "{}; OMPL in {:g} s: {}".format(plan.reason or "{:.2f} m".format(plan.length), seconds,
+                                                            told))
+
+
 def rows_of(seed: int, large: bool) -> Iterator[Row]:
     """Yield all rows.
 
@@ -209,6 +240,9 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
                 yield potential_row(costmap, start)
             for name in ("NavfnROS", "AStar", "ThetaStar"):
                 yield plan_row(scene, costmap, (start, goal), name)
+    costmap, start, goal = grids.scenes(384, seed)["blocks"]
+    for name in NAMES:
+        yield sampling_row(costmap, (start, goal), name, SAMPLING_TIME)
 
 
 def main(argv: Optional[List[str]] = None) -> int:
