@@ -9,10 +9,12 @@ import unittest
 import numpy as np
 import rospy
 from costmap_2d.msg import VoxelGrid
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Vector3
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from navfn.srv import MakeNavPlan
+from sensor_msgs.msg import PointCloud
+from visualization_msgs.msg import Marker
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, run_checks, wait_until  # noqa: E402
@@ -92,7 +94,25 @@ class NavigationNodes(unittest.TestCase):
             ask = rospy.ServiceProxy("/%s/%s/make_plan" % (node, place), GetPlan)
             self.assertGreater(len(ask(PoseStamped(), at(7.0, 1.0), 0.0).plan.poses), 50)
 
-    def test_5_definitions_are_those_that_clients_expect(self):
+    def test_5_the_cells_of_a_voxel_grid_are_shown(self):
+        shown = [Recorder("/visualization_marker", Marker), Recorder("/voxel_marked_cloud", PointCloud),
+                 Recorder("/voxel_unknown_cloud", PointCloud)]
+        grid = VoxelGrid(size_x=2, size_y=1, size_z=4, data=[1 << 1, (1 << 3) | (1 << 19)])
+        grid.header.frame_id, grid.resolutions = "map", Vector3(0.1, 0.1, 0.2)
+        publisher = rospy.Publisher("voxel_grid", VoxelGrid, queue_size=1, latch=True)
+        publisher.publish(VoxelGrid(size_x=3, size_y=1, size_z=4, data=[0]))        # is refused, and the nodes go on
+        wait_until(lambda: publisher.get_num_connections() == 2, "both viewers", PATIENCE)
+        publisher.publish(grid)
+        for recorder in shown:
+            recorder.wait(lambda messages: messages, "the cells", PATIENCE)
+        marker, marked, unknown = (recorder.messages[-1] for recorder in shown)
+        self.assertEqual((marker.type, marker.header.frame_id), (Marker.CUBE_LIST, "map"))
+        for place, expected in ((marker.points[0], (0.15, 0.05, 0.7)), (marked.points[0], (0.15, 0.05, 0.7)),
+                                (unknown.points[0], (0.05, 0.05, 0.3))):
+            for value, wanted in zip((place.x, place.y, place.z), expected):
+                self.assertAlmostEqual(value, wanted, 5)
+
+    def test_6_definitions_are_those_that_clients_expect(self):
         for kind, wanted in SUMS.items():
             self.assertEqual(kind._md5sum, wanted)
 
