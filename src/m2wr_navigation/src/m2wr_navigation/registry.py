@@ -47,6 +47,7 @@ RECOVERIES: Dict[str, str] = {
     "clear_costmap_recovery/ClearCostmapRecovery": "m2wr_navigation.recoveries.clear_costmap:ClearCostmap",
     "rotate_recovery/RotateRecovery": "m2wr_navigation.recoveries.rotate:Rotate",
     "m2wr_navigation/BackUpRecovery": "m2wr_navigation.recoveries.back_up:BackUp",
+    "move_slow_and_clear/MoveSlowAndClear": "m2wr_navigation.recoveries.move_slow:MoveSlowAndClear",
 }
 LAYERS: Dict[str, str] = {
     "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",

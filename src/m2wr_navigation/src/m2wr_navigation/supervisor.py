@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Command, Controller, Situation
     from m2wr_navigation.planners.planner import Plan
-    from m2wr_navigation.recoveries.recovery import Recovery
+    from m2wr_navigation.recoveries.recovery import Recovery, SpeedLimit
 
 PARAMETERS: Dict[str, Parameter] = {
     "base_global_planner": text("navfn/NavfnROS", "planner of paths over the whole map", True),
@@ -42,6 +42,8 @@ NO_CONTROL = "Failed to find a valid control. Even after executing recovery beha
 OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
 REACHED = "Goal reached."
 PROGRESS_TURN = math.pi / 2     # rad: turning this far counts as progress, too
+#: rad, in one place: half a turn to the path and half a turn to the goal's heading are useful, each twice after a slip
+MOST_TURNED = 4.0 * math.pi
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 SUCCEEDED, ABORTED = "succeeded", "aborted"
 
@@ -95,6 +97,7 @@ class Supervisor:
         self.values, self.controller, self.recoveries = values, controller, list(recoveries)
         self.state = PLANNING
         self.number = 0                 # of the goal; plans of other goals are ignored
+        self._limit: Optional[Tuple[SpeedLimit, FloatArray]] = None     # and where it was set; other goals keep it
         self._begin_counts(0.0)
 
     def _begin_counts(self, now: float) -> None:
@@ -106,6 +109,8 @@ class Supervisor:
         self._last_plan = self._last_command = self._last_progress = now
         self._late_since: Optional[float] = None
         self._mark: Optional[FloatArray] = None
+        self._place: FloatArray = np.full(3, math.inf)          # where the robot has begun to turn
+        self._heading, self._turned = 0.0, 0.0
         self._told = ""
 
     def begin(self, now: float) -> int:
@@ -189,6 +194,7 @@ class Supervisor:
             return self._blind(now, list(late) or [missing])
         self._late_since = None
         self._note_progress(now, situation)
+        self._note_turning(situation.pose)
         if self._new_plan is not None:
             self.controller.set_plan(self._new_plan, self._new_goal)
             if not self._has_plan:
@@ -224,9 +230,30 @@ class Supervisor:
                 self._index = 0
         self._mark, self._last_progress = np.array(pose, float), now
 
+    def _note_turning(self, pose: FloatArray) -> None:
+        """Sum up how far the robot has turned, to either side, since it was somewhere else."""
+        away = float(np.hypot(*(pose[:2] - self._place[:2])))
+        if away >= self.values["oscillation_distance"]:
+            self._place, self._turned = np.array(pose, float), 0.0
+        elif self.state == CONTROLLING:
+            self._turned += abs(math.remainder(pose[2] - self._heading, 2.0 * math.pi))
+        self._heading = float(pose[2])
+
+    def _spinning(self, situation: Situation) -> Outcome:
+        """Tell that the robot turns and does not get on, and recover."""
+        goal = float(np.hypot(*(situation.plan[-1, :2] - situation.pose[:2])))
+        told = "it has turned by {:.0f} degrees within {:g} m of ({:.2f}, {:.2f}); the goal is {:.2f} m away"
+        self._reason = told.format(math.degrees(self._turned), self.values["oscillation_distance"], self._place[0],
+                                   self._place[1], goal)
+        self._turned = 0.0
+        self._recover(OSCILLATION)
+        return Outcome(_stop(), messages=("the robot turns and does not get on: " + self._reason,))
+
     def _control(self, now: float, situation: Situation) -> Outcome:
         if self.controller.is_goal_reached(situation):
             return Outcome(_stop(), SUCCEEDED, REACHED)
+        if self._turned > MOST_TURNED:
+            return self._spinning(situation)
         timeout = self.values["oscillation_timeout"]
         if timeout > 0.0 and now > self._last_progress + timeout:
             self._reason = "moved less than {:g} m in {:g} s".format(self.values["oscillation_distance"], timeout)
@@ -237,8 +264,8 @@ class Supervisor:
             self._last_command = now
             if self._trigger == NO_CONTROL:
                 self._index = 0
-            return Outcome(command.velocity, messages=tuple(self._once(command.reason) if command.reason else ()),
-                           command=command)
+            return Outcome(self._limited(command.velocity, situation.pose), messages=tuple(
+                self._once(command.reason) if command.reason else ()), command=command)
         self._reason = command.reason
         messages = tuple(self._once("no valid command: " + command.reason))
         if now > self._last_command + self.values["controller_patience"]:
@@ -247,6 +274,15 @@ class Supervisor:
             self.state, self._last_plan, self._retries = PLANNING, now, 0
             self._trigger = NO_CONTROL
         return Outcome(_stop(), messages=messages, command=command)
+
+    def _limited(self, velocity: FloatArray, pose: FloatArray) -> FloatArray:
+        """Return a command on the same arc within the limit of a recovery behaviour, while there is one."""
+        if self._limit is not None and float(np.hypot(*(pose[:2] - self._limit[1][:2]))) >= self._limit[0].distance:
+            self._limit = None
+        if self._limit is None:
+            return velocity
+        limit, speed, rate = self._limit[0], math.hypot(velocity[0], velocity[1]), abs(velocity[2])
+        return velocity * min(1.0, limit.speed / max(speed, limit.speed), limit.rate / max(rate, limit.rate))
 
     def _clear(self, situation: Situation) -> Outcome:
         """Run the present recovery behaviour, or begin the next one."""
@@ -260,6 +296,8 @@ class Supervisor:
             self._running.begin(situation)
         step = self._running.step(situation)
         messages = (step.reason,) if step.reason else ()
+        if step.limit is not None:
+            self._limit = step.limit, np.array(situation.pose, float)
         if step.done:
             self._running, self._retries = None, 0
             self.state = PLANNING

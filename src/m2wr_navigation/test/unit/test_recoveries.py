@@ -57,6 +57,17 @@ def test_the_layers_that_there_are_are_cleared_in_one_step(given, calls):
         given.get("layer_names") == ["obstacles"])
 
 
+def test_a_robot_moves_slowly_after_the_cells_around_it_were_cleared():
+    costmaps = Cleared()
+    made = behaviour("move_slow_and_clear/MoveSlowAndClear", costmaps, limited_trans_speed=0.1)
+    made.begin(situation())
+    step = made.step(situation())
+    assert costmaps.calls == [("global", ("obstacle_layer", "bumper_layer"), 1.0, True),
+                              ("local", ("obstacle_layer",), 1.0, True)]
+    assert step.done and step.velocity is None and step.limit == (0.1, 0.45, 0.3)
+    assert "7 occupied cells in the local costmap; at most 0.1 m/s" in step.reason
+
+
 def turn(made, costs=None, speed=1.0, most=500):
     """Turn a robot as it is told, times ``speed``; return its angles and the last step."""
     yaw, stamp, angles = 0.3, 0.0, []

@@ -7,7 +7,7 @@ from m2wr_navigation.controllers.controller import Command, Controller, Situatio
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners.planner import Plan
-from m2wr_navigation.recoveries.recovery import Recovery, Step
+from m2wr_navigation.recoveries.recovery import Recovery, SpeedLimit, Step
 from m2wr_navigation.supervisor import (
     ABORTED,
     CLEARING,
@@ -169,7 +169,7 @@ def test_a_robot_that_does_not_move_is_oscillating():
     assert (outcome.result, outcome.text) == (ABORTED, OSCILLATION) and drive.now == pytest.approx(103.0, abs=0.5)
 
 
-@pytest.mark.parametrize("step", [[0.02, 0.0, 0.0], [0.0, 0.0, 0.1]])
+@pytest.mark.parametrize("step", [[0.02, 0.0, 0.0], [0.0, 0.0, 0.06]])
 def test_driving_and_turning_are_progress(step):
     drive = Drive(oscillation_timeout=3.0, recoveries=0)
     drive.plan()
@@ -239,3 +239,54 @@ def test_a_new_goal_ends_a_recovery_behaviour():
     drive.number = drive.supervisor.begin(drive.now)
     drive.plan()
     assert drive.cycle().velocity.tolist() == [0.3, 0.0, 0.1] and drive.supervisor.state == CONTROLLING
+
+
+def test_after_a_behaviour_that_limits_it_the_robot_is_slow_until_it_has_moved():
+    drive = Drive(recoveries=1, controller_patience=0.5)
+    limit = SpeedLimit(0.15, 0.45, 0.3)
+    drive.behaviours[0].step = lambda situation: Step(None, True, "", limit)
+    drive.plan()
+    assert drive.cycle().velocity == pytest.approx([0.3, 0.0, 0.1])
+    drive.controller.velocity = None
+    while drive.supervisor.state != CLEARING:
+        drive.plan()
+        drive.cycle()
+    drive.controller.velocity = np.array([0.3, 0.0, 0.1])
+    assert drive.cycle().began
+    drive.plan()
+    assert drive.cycle().velocity == pytest.approx([0.15, 0.0, 0.05])           # the same arc
+    drive.controller.velocity = np.array([0.1, 0.0, -0.9])
+    assert drive.cycle().velocity == pytest.approx([0.05, 0.0, -0.45])
+    drive.number = drive.supervisor.begin(drive.now)                            # also to another goal
+    drive.plan()
+    drive.pose = np.array([0.2, 0.2, 0.0])
+    assert drive.cycle().velocity == pytest.approx([0.05, 0.0, -0.45])
+    drive.pose = np.array([0.2, 0.3, 0.0])
+    assert drive.cycle().velocity == pytest.approx([0.1, 0.0, -0.9])
+    drive.pose = np.zeros(3)
+    assert drive.cycle().velocity == pytest.approx([0.1, 0.0, -0.9])
+
+
+@pytest.mark.parametrize("sides", [(1.0,), (1.0, -1.0)])
+def test_a_robot_that_turns_and_does_not_get_on_says_so_and_gives_up(sides):
+    drive = Drive()
+    texts = []
+    for cycle in range(2000):
+        drive.plan()
+        # turns round and round, or to and fro by 60 degrees
+        drive.pose = drive.pose + [0.0, 0.0, 0.1 * sides[cycle // 10 % len(sides)]]
+        outcome = drive.cycle()
+        texts += outcome.messages
+        if outcome.result:
+            break
+    spins = [text for text in texts if "does not get on" in text]
+    assert (outcome.result, outcome.text) == (ABORTED, OSCILLATION) and len(spins) == 3
+    assert "turned by 72" in spins[0] and "within 0.5 m of (0.00, 0.00); the goal is 1.00 m away" in spins[0]
+
+
+def test_a_robot_that_turns_on_its_way_is_not_stopped():
+    drive = Drive()
+    drive.plan()
+    for _ in range(1000):
+        drive.pose = drive.pose + [0.02, 0.0, 0.1]
+        assert drive.cycle().velocity == pytest.approx([0.3, 0.0, 0.1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, List, Mapping, Optional, Sequence
+from typing import TYPE_CHECKING, Any, List, Mapping, NamedTuple, Optional, Sequence
 
 from m2wr_navigation.parameters import Configurable
 
@@ -52,6 +52,24 @@ class Costmaps(ABC):
         """
 
 
+class SpeedLimit(NamedTuple):
+    """How fast the robot may drive after a behaviour.
+
+    Attributes
+    ----------
+    speed : float
+        [m/s]
+    rate : float
+        Of turning [rad/s].
+    distance : float
+        From where the behaviour ended, until which this holds [m].
+    """
+
+    speed: float
+    rate: float
+    distance: float
+
+
 @dataclass(frozen=True)
 class Step:
     """What a behaviour answers in one cycle.
@@ -64,11 +82,14 @@ class Step:
         Whether the behaviour has ended.
     reason : str
         What it did or why it ended, one sentence; empty: nothing new.
+    limit : SpeedLimit or None
+        For the commands of the controller after it.
     """
 
     velocity: Optional[FloatArray]
     done: bool
     reason: str = ""
+    limit: Optional[SpeedLimit] = None
 
 
 class Recovery(Configurable, ABC):
