@@ -100,7 +100,7 @@ class NavigationNodes(unittest.TestCase):
         grid = VoxelGrid(size_x=2, size_y=1, size_z=4, data=[1 << 1, (1 << 3) | (1 << 19)])
         grid.header.frame_id, grid.resolutions = "map", Vector3(0.1, 0.1, 0.2)
         publisher = rospy.Publisher("voxel_grid", VoxelGrid, queue_size=1, latch=True)
-        publisher.publish(VoxelGrid(size_x=3, size_y=1, size_z=4, data=[0]))        # is refused, and the nodes go on
+        publisher.publish(VoxelGrid(size_x=3, size_y=1, size_z=4, data=[0]))        # is refused
         wait_until(lambda: publisher.get_num_connections() == 2, "both viewers", PATIENCE)
         publisher.publish(grid)
         for recorder in shown:
