@@ -72,7 +72,7 @@ def test_in_a_narrow_place_a_robot_turns_round_by_backing():
     assert math.cos(plan.poses[-1, 2]) == pytest.approx(-1.0)
 
 
-def test_in_the_open_a_path_with_backing_is_no_dearer_than_one_ahead():
+def test_in_the_open_backing_makes_a_path_shorter():
     costmap = Costmap.filled((200, 200), 0.05, (0.0, 0.0), 0)
     ends = (5.0, 5.0, 0.0), (5.0, 5.6, math.pi)
     ahead = planned(costmap, *ends)

@@ -57,7 +57,7 @@ def test_the_layers_that_there_are_are_cleared_in_one_step(given, calls):
         given.get("layer_names") == ["obstacles"])
 
 
-def test_a_robot_moves_slowly_after_the_cells_around_it_were_cleared():
+def test_move_slow_and_clear_sets_a_limit_of_speed():
     costmaps = Cleared()
     made = behaviour("move_slow_and_clear/MoveSlowAndClear", costmaps, limited_trans_speed=0.1)
     made.begin(situation())

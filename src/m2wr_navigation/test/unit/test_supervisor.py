@@ -241,7 +241,7 @@ def test_a_new_goal_ends_a_recovery_behaviour():
     assert drive.cycle().velocity.tolist() == [0.3, 0.0, 0.1] and drive.supervisor.state == CONTROLLING
 
 
-def test_after_a_behaviour_that_limits_it_the_robot_is_slow_until_it_has_moved():
+def test_a_limit_of_speed_holds_until_the_robot_has_moved():
     drive = Drive(recoveries=1, controller_patience=0.5)
     limit = SpeedLimit(0.15, 0.45, 0.3)
     drive.behaviours[0].step = lambda situation: Step(None, True, "", limit)
@@ -268,7 +268,7 @@ def test_after_a_behaviour_that_limits_it_the_robot_is_slow_until_it_has_moved()
 
 
 @pytest.mark.parametrize("sides", [(1.0,), (1.0, -1.0)])
-def test_a_robot_that_turns_and_does_not_get_on_says_so_and_gives_up(sides):
+def test_a_robot_that_only_turns_says_so_and_gives_up(sides):
     drive = Drive()
     texts = []
     for cycle in range(2000):
