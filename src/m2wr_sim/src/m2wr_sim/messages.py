@@ -12,21 +12,30 @@ from m2wr_sim.plain_messages import CLASSES
 WITH_ROS = importlib.util.find_spec("genpy") is not None
 
 
-def _find(module: str, name: str) -> Any:
+def find_message(module: str, name: str) -> Any:
+    """Return the class of a message or service.
+
+    Parameters
+    ----------
+    module : str
+        Module of ROS, such as ``std_msgs.msg``.
+    name : str
+        Name of the class.
+    """
     return getattr(importlib.import_module(module), name) if WITH_ROS else CLASSES[name]
 
 
-Pose: Any = _find("geometry_msgs.msg", "Pose")
-Twist: Any = _find("geometry_msgs.msg", "Twist")
-Vector3: Any = _find("geometry_msgs.msg", "Vector3")
-Wrench: Any = _find("geometry_msgs.msg", "Wrench")
-WrenchStamped: Any = _find("geometry_msgs.msg", "WrenchStamped")
-ContactState: Any = _find("gazebo_msgs.msg", "ContactState")
-ContactsState: Any = _find("gazebo_msgs.msg", "ContactsState")
-Odometry: Any = _find("nav_msgs.msg", "Odometry")
-Imu: Any = _find("sensor_msgs.msg", "Imu")
-JointState: Any = _find("sensor_msgs.msg", "JointState")
-LaserScan: Any = _find("sensor_msgs.msg", "LaserScan")
-Range: Any = _find("sensor_msgs.msg", "Range")
-Empty: Any = _find("std_srvs.srv", "Empty")
-EmptyResponse: Any = _find("std_srvs.srv", "EmptyResponse")
+Pose: Any = find_message("geometry_msgs.msg", "Pose")
+Twist: Any = find_message("geometry_msgs.msg", "Twist")
+Vector3: Any = find_message("geometry_msgs.msg", "Vector3")
+Wrench: Any = find_message("geometry_msgs.msg", "Wrench")
+WrenchStamped: Any = find_message("geometry_msgs.msg", "WrenchStamped")
+ContactState: Any = find_message("gazebo_msgs.msg", "ContactState")
+ContactsState: Any = find_message("gazebo_msgs.msg", "ContactsState")
+Odometry: Any = find_message("nav_msgs.msg", "Odometry")
+Imu: Any = find_message("sensor_msgs.msg", "Imu")
+JointState: Any = find_message("sensor_msgs.msg", "JointState")
+LaserScan: Any = find_message("sensor_msgs.msg", "LaserScan")
+Range: Any = find_message("sensor_msgs.msg", "Range")
+Empty: Any = find_message("std_srvs.srv", "Empty")
+EmptyResponse: Any = find_message("std_srvs.srv", "EmptyResponse")

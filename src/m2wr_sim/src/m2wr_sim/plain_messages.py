@@ -35,10 +35,66 @@ _FIELDS = {
     "ContactsState": "Header header, ContactState[] states",
     "Empty": "",
     "EmptyResponse": "",
+    "Bool": "bool data",
+    "Float64": "float64 data",
+    "MultiArrayDimension": "string label, uint32 size, uint32 stride",
+    "MultiArrayLayout": "MultiArrayDimension[] dim, uint32 data_offset",
+    "Float64MultiArray": "MultiArrayLayout layout, float64[] data",
+    "TwistStamped": "Header header, Twist twist",
+    "Duration": "int32 secs, int32 nsecs",
+    "JointTrajectoryPoint": "float64[] positions, float64[] velocities, float64[] accelerations, float64[] effort,"
+                            " Duration time_from_start",
+    "JointTrajectory": "Header header, string[] joint_names, JointTrajectoryPoint[] points",
+    "GoalID": "Time stamp, string id",
+    "GoalStatus": "GoalID goal_id, uint8 status, string text",
+    "GoalStatusArray": "Header header, GoalStatus[] status_list",
+    "JointTolerance": "string name, float64 position, float64 velocity, float64 acceleration",
+    "FollowJointTrajectoryGoal": "JointTrajectory trajectory, JointTolerance[] path_tolerance,"
+                                 " JointTolerance[] goal_tolerance, Duration goal_time_tolerance",
+    "FollowJointTrajectoryResult": "int32 error_code, string error_string",
+    "FollowJointTrajectoryFeedback": "Header header, string[] joint_names, JointTrajectoryPoint desired,"
+                                     " JointTrajectoryPoint actual, JointTrajectoryPoint error",
+    "FollowJointTrajectoryActionGoal": "Header header, GoalID goal_id, FollowJointTrajectoryGoal goal",
+    "FollowJointTrajectoryActionFeedback": "Header header, GoalStatus status, FollowJointTrajectoryFeedback feedback",
+    "FollowJointTrajectoryActionResult": "Header header, GoalStatus status, FollowJointTrajectoryResult result",
+    "JointControllerState": "Header header, float64 set_point, float64 process_value, float64 process_value_dot,"
+                            " float64 error, float64 time_step, float64 command, float64 p, float64 i, float64 d,"
+                            " float64 i_clamp, bool antiwindup",
+    "JointTrajectoryControllerState": "Header header, string[] joint_names, JointTrajectoryPoint desired,"
+                                      " JointTrajectoryPoint actual, JointTrajectoryPoint error",
+    "QueryTrajectoryState": "Time time",
+    "QueryTrajectoryStateResponse": "string[] name, float64[] position, float64[] velocity, float64[] acceleration",
+    "FourWheelSteering": "float32 front_steering_angle, float32 rear_steering_angle,"
+                         " float32 front_steering_angle_velocity, float32 rear_steering_angle_velocity, float32 speed,"
+                         " float32 acceleration, float32 jerk",
+    "FourWheelSteeringStamped": "Header header, FourWheelSteering data",
+    "GripperCommand": "float64 position, float64 max_effort",
+    "GripperCommandGoal": "GripperCommand command",
+    "GripperCommandResult": "float64 position, float64 effort, bool stalled, bool reached_goal",
+    "GripperCommandFeedback": "float64 position, float64 effort, bool stalled, bool reached_goal",
+    "GripperCommandActionGoal": "Header header, GoalID goal_id, GripperCommandGoal goal",
+    "GripperCommandActionFeedback": "Header header, GoalStatus status, GripperCommandFeedback feedback",
+    "GripperCommandActionResult": "Header header, GoalStatus status, GripperCommandResult result",
+    "HardwareInterfaceResources": "string hardware_interface, string[] resources",
+    "ControllerState": "string name, string state, string type, HardwareInterfaceResources[] claimed_resources",
+    "ListControllers": "",
+    "ListControllersResponse": "ControllerState[] controller",
+    "ListControllerTypes": "",
+    "ListControllerTypesResponse": "string[] types, string[] base_classes",
+    "LoadController": "string name",
+    "LoadControllerResponse": "bool ok",
+    "ReloadControllerLibraries": "bool force_kill",
+    "ReloadControllerLibrariesResponse": "bool ok",
+    "SwitchController": "string[] start_controllers, string[] stop_controllers, int32 strictness, bool start_asap,"
+                        " float64 timeout",
+    "SwitchControllerResponse": "bool ok",
+    "UnloadController": "string name",
+    "UnloadControllerResponse": "bool ok",
 }
 _CONSTANTS = {"Range": {"ULTRASOUND": 0, "INFRARED": 1}}
 _FIELD = re.compile(r"(\w+?)(\d*)(\[(\d*)\])? (\w+)")
-_PLAIN: Dict[str, Callable[[], Any]] = {"int": int, "uint": int, "float": float, "string": str}
+_PLAIN: Dict[str, Callable[[], Any]] = {"int": int, "uint": int, "float": float, "string": str,
+                                        "bool": bool}
 
 
 class PlainMessage:

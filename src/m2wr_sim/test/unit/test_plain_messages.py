@@ -6,14 +6,17 @@ import pytest
 
 from m2wr_sim import messages, plain_messages
 
-MODULES = ("geometry_msgs.msg", "gazebo_msgs.msg", "nav_msgs.msg", "sensor_msgs.msg", "std_msgs.msg", "std_srvs.srv")
+MODULES = ("geometry_msgs.msg", "gazebo_msgs.msg", "nav_msgs.msg", "sensor_msgs.msg", "std_msgs.msg", "std_srvs.srv",
+           "actionlib_msgs.msg", "control_msgs.msg", "control_msgs.srv", "controller_manager_msgs.msg",
+           "controller_manager_msgs.srv", "four_wheel_steering_msgs.msg", "trajectory_msgs.msg")
 
 
 def of_ros(name):
     """Return ROS's class of this name."""
     found = [getattr(importlib.import_module(module), name) for module in MODULES
              if hasattr(importlib.import_module(module), name)]
-    return [one for one in found if name != "Empty" or one.__module__.startswith("std_srvs")][0]
+    chosen = [one for one in found if name != "Empty" or one.__module__.startswith("std_srvs")][0]
+    return getattr(chosen, "_request_class", chosen)            # a service stands for its request
 
 
 def values_of(message):
@@ -23,7 +26,7 @@ def values_of(message):
     return [(name, values_of(getattr(message, name))) for name in message.__slots__]
 
 
-@pytest.mark.parametrize("name", sorted(set(plain_messages.CLASSES) - {"Time", "Empty"}))
+@pytest.mark.parametrize("name", sorted(set(plain_messages.CLASSES) - {"Time", "Duration", "Empty"}))
 def test_fields_and_defaults_are_those_of_ros(name):
     real, plain = of_ros(name)(), plain_messages.CLASSES[name]()
     assert values_of(plain) == values_of(real)

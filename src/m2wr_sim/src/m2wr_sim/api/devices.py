@@ -170,6 +170,11 @@ class _SilentPort:
         return False
 
     @staticmethod
+    def publishers() -> int:
+        """Return 0: there are no publishers."""
+        return 0
+
+    @staticmethod
     def close() -> None:
         """Do nothing."""
 
@@ -180,7 +185,8 @@ class SilentPorts(Ports):
     def advertise(self, topic: str, message_class: type, queue_size: int, namespace: str) -> Any:
         return _SilentPort()
 
-    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str) -> Any:
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str,
+                  keep: int = 1) -> Any:
         return _SilentPort()
 
     def serve(self, name: str, service_class: type, handler: Callable[[Any], Any], namespace: str) -> Any:

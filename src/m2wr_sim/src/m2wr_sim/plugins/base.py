@@ -158,6 +158,21 @@ class PluginContext(abc.ABC):
     def step_ns(self) -> int:
         """The present step size [ns]; a service may change it."""
 
+    @property
+    @abc.abstractmethod
+    def time_ns(self) -> int:
+        """The present simulated time [ns]."""
+
+    @abc.abstractmethod
+    def parameter(self, name: str) -> Any:
+        """Return the value of a parameter, which may be a mapping of parameters, or None if it is not set.
+
+        Parameters
+        ----------
+        name : str
+            With a leading slash.
+        """
+
     def log_once(self, level: int, text: str, *values: object) -> None:
         """Log a message about the configuration, unless it was logged for another model of this description.
 
@@ -272,7 +287,7 @@ class PluginContext(abc.ABC):
 
     @abc.abstractmethod
     def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object],
-                  namespace: Optional[str] = None) -> None:
+                  namespace: Optional[str] = None, keep: int = 1) -> Any:
         """Deliver messages to a callback between two steps, in the thread of the simulation.
 
         Parameters
@@ -283,11 +298,18 @@ class PluginContext(abc.ABC):
             Gets the message.
         namespace : str, optional
             ROS namespace of the topic.
+        keep : int
+            Number of messages to keep between two deliveries, the newest ones.
+
+        Returns
+        -------
+        object
+            For :meth:`release`; its ``publishers()`` returns how many nodes publish the topic.
         """
 
     @abc.abstractmethod
     def serve(self, name: str, service_class: type, handler: Callable[[Any], Any],
-              namespace: Optional[str] = None) -> None:
+              namespace: Optional[str] = None) -> Any:
         """Offer a service.
 
         Parameters
@@ -298,7 +320,16 @@ class PluginContext(abc.ABC):
             Gets the request and returns the response, in the thread of the simulation.
         namespace : str, optional
             ROS namespace of the service.
+
+        Returns
+        -------
+        object
+            For :meth:`release`.
         """
+
+    @abc.abstractmethod
+    def release(self, port: Any) -> None:
+        """Close a topic or service before the plugin ends."""
 
     @abc.abstractmethod
     def send_transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],

@@ -43,7 +43,8 @@ class LockstepPorts(RosPorts):
         port = super().advertise(topic, message_class, queue_size, namespace)
         return self.topics.counted(port, scoped(topic, namespace), message_class)
 
-    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str) -> Any:
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str,
+                  keep: int = 1) -> Any:
         return self.topics.subscribe(scoped(topic, namespace), message_class, callback)
 
     def waiting(self) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import threading
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple, TypeVar
+from collections import deque
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple, TypeVar
 
 import genpy
 import rospy
@@ -75,14 +76,19 @@ class _Port:
 
 
 class _Subscription:
-    """Keeps the newest message until the simulation asks for it."""
+    """Keeps the newest messages until the simulation asks for them."""
 
-    def __init__(self, topic: str, message_class: type, callback: Callable[[Any], object], mailbox: _Mailbox) -> None:
-        self.callback, self._mailbox = callback, mailbox
-        self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=1, tcp_nodelay=True)
+    def __init__(self, topic: str, message_class: type, callback: Callable[[Any], object], mailbox: _Mailbox,
+                 keep: int) -> None:
+        self.callback, self.keep, self._mailbox = callback, keep, mailbox
+        self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=keep, tcp_nodelay=True)
 
     def _store(self, message: Any) -> None:
         self._mailbox.put(self, message)
+
+    def publishers(self) -> int:
+        """Return how many nodes publish the topic."""
+        return int(self._subscriber.get_num_connections())
 
     def close(self) -> None:
         """Stop listening; a message that was not delivered yet is dropped."""
@@ -108,21 +114,23 @@ class _Service:
 
 
 class _Mailbox:
-    """Newest message per subscription, filled by rospy's threads and emptied by the simulation."""
+    """Newest messages per subscription, filled by rospy's threads and emptied by the simulation."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self.newest: Dict[_Subscription, Any] = {}
+        self.newest: Dict[_Subscription, Deque[Any]] = {}
 
     def put(self, subscription: _Subscription, message: Any) -> None:
         with self._lock:
-            self.newest[subscription] = message
+            if subscription not in self.newest:
+                self.newest[subscription] = deque(maxlen=subscription.keep)
+            self.newest[subscription].append(message)
 
     def drop(self, subscription: _Subscription) -> None:
         with self._lock:
             self.newest.pop(subscription, None)
 
-    def empty(self) -> Dict[_Subscription, Any]:
+    def empty(self) -> Dict[_Subscription, Deque[Any]]:
         if not self.newest:
             return {}
         with self._lock:
@@ -148,8 +156,12 @@ class RosPorts(Ports):
     def advertise(self, topic: str, message_class: type, queue_size: int, namespace: str) -> Any:
         return _Port(self._channels, scoped(topic, namespace), message_class)
 
-    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str) -> Any:
-        return _Subscription(scoped(topic, namespace), message_class, callback, self._mailbox)
+    def parameter(self, name: str) -> Any:
+        return rospy.get_param(name, None)
+
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str,
+                  keep: int = 1) -> Any:
+        return _Subscription(scoped(topic, namespace), message_class, callback, self._mailbox, keep)
 
     def dropped(self) -> List[Dropped]:
         """Return how many messages slow subscribers have lost."""
@@ -190,8 +202,9 @@ class RosPorts(Ports):
         return bool(self._mailbox.newest)           # called before each sequence of steps
 
     def deliver(self) -> None:
-        for subscription, message in self._mailbox.empty().items():
-            subscription.callback(message)
+        for subscription, messages in self._mailbox.empty().items():
+            for message in messages:
+                subscription.callback(message)
 
     def transform(self, stamp: genpy.Time, parent: str, child: str, position: Sequence[float],
                   orientation: Sequence[float]) -> None:

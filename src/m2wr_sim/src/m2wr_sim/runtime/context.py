@@ -59,6 +59,13 @@ class ModelContext(PluginContext):
     def step_ns(self) -> int:
         return self._simulator.step_ns
 
+    @property
+    def time_ns(self) -> int:
+        return self._simulator.now_ns
+
+    def parameter(self, name: str) -> Any:
+        return self._ports.parameter(name)
+
     def link(self, name: str) -> int:
         return self._number(self._model.handle.links, "link", name)
 
@@ -166,14 +173,22 @@ class ModelContext(PluginContext):
         return port
 
     def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object],
-                  namespace: Optional[str] = None) -> None:
-        self._open.append(self._ports.subscribe(
+                  namespace: Optional[str] = None, keep: int = 1) -> Any:
+        port = self._ports.subscribe(
             topic, message_class, lambda message: self._simulator.plugins.hand_over(self, callback, message),
-            namespace or ""))
+            namespace or "", keep)
+        self._open.append(port)
+        return port
 
     def serve(self, name: str, service_class: type, handler: Callable[[Any], Any],
-              namespace: Optional[str] = None) -> None:
-        self._open.append(self._ports.serve(name, service_class, handler, namespace or ""))
+              namespace: Optional[str] = None) -> Any:
+        port = self._ports.serve(name, service_class, handler, namespace or "")
+        self._open.append(port)
+        return port
+
+    def release(self, port: Any) -> None:
+        self._open = [other for other in self._open if other is not port]
+        port.close()
 
     def send_transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
                        orientation: Quaternion) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import abc
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 
 
 class Ports(abc.ABC):
@@ -29,8 +30,19 @@ class Ports(abc.ABC):
             There may be ``due()``, which returns whether one of them takes a message at this moment.
         """
 
+    def parameter(self, name: str) -> Any:
+        """Return the value of a parameter, which may be a mapping of parameters, or None if it is not set.
+
+        Parameters
+        ----------
+        name : str
+            With a leading slash.
+        """
+        return None
+
     @abc.abstractmethod
-    def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None], namespace: str) -> Any:
+    def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None], namespace: str,
+                  keep: int = 1) -> Any:
         """Subscribe to a topic.
 
         Parameters
@@ -38,14 +50,16 @@ class Ports(abc.ABC):
         topic : str
         message_class : type
         callback : callable
-            Gets the newest message in :meth:`deliver`.
+            Gets the newest messages in :meth:`deliver`.
         namespace : str
             ROS namespace of the topic; may be empty.
+        keep : int
+            Number of messages to keep between two deliveries.
 
         Returns
         -------
         object
-            With ``close()``.
+            With ``close()``, and ``publishers()``, which returns how many nodes publish the topic.
         """
 
     @abc.abstractmethod
@@ -73,7 +87,7 @@ class Ports(abc.ABC):
 
     @abc.abstractmethod
     def deliver(self) -> None:
-        """Pass the newest message of each topic since the last call to its callback."""
+        """Pass the newest messages of each topic since the last call to its callback, the oldest first."""
 
     @abc.abstractmethod
     def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
@@ -146,14 +160,20 @@ class LocalPort:
 class LocalSubscription:
     """A subscriber of a topic without a network, or a service."""
 
-    def __init__(self, callback: Callable[[Any], Any]) -> None:
+    def __init__(self, callback: Callable[[Any], Any], keep: int = 1) -> None:
         self.callback: Optional[Callable[[Any], Any]] = callback
         self.open = True
-        self.newest: Any = None
+        self.newest: Deque[Any] = deque(maxlen=keep)
+        self.senders = 1
+
+    def publishers(self) -> int:
+        """Return how many programs send to the topic."""
+        return self.senders
 
     def close(self) -> None:
         """Stop delivering."""
-        self.open, self.callback, self.newest = False, None, None
+        self.open, self.callback = False, None
+        self.newest.clear()
 
 
 class LocalPorts(Ports):
@@ -168,7 +188,11 @@ class LocalPorts(Ports):
         self.services: Dict[str, LocalSubscription] = {}
         self.transforms: List[Tuple[Any, ...]] = []
         self.clock_ns: List[int] = []
+        self.parameters: Dict[str, Any] = {}        # by absolute name
         self._copy = copy
+
+    def parameter(self, name: str) -> Any:
+        return self.parameters.get(name)
 
     @staticmethod
     def resolve(topic: str, namespace: str) -> str:
@@ -191,8 +215,8 @@ class LocalPorts(Ports):
         return port
 
     def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None],
-                  namespace: str) -> LocalSubscription:
-        subscription = LocalSubscription(callback)
+                  namespace: str, keep: int = 1) -> LocalSubscription:
+        subscription = LocalSubscription(callback, keep)
         self.subscriptions[self.resolve(topic, namespace)] = subscription
         return subscription
 
@@ -211,16 +235,15 @@ class LocalPorts(Ports):
         """
         subscription = self.subscriptions.get(topic)
         if subscription is not None and subscription.open:
-            subscription.newest = message
+            subscription.newest.append(message)
 
     def waiting(self) -> bool:
-        return any(subscription.newest is not None for subscription in self.subscriptions.values())
+        return any(subscription.newest for subscription in self.subscriptions.values())
 
     def deliver(self) -> None:
         for subscription in list(self.subscriptions.values()) if self.subscriptions else ():
-            if subscription.callback is not None and subscription.newest is not None:
-                message, subscription.newest = subscription.newest, None
-                subscription.callback(message)
+            while subscription.callback is not None and subscription.newest:
+                subscription.callback(subscription.newest.popleft())
 
     def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
                   orientation: Sequence[float]) -> None:

@@ -65,6 +65,10 @@ class _Subscription:
         if sender != self._own:
             self._inbox.arrive(self._slot, sender, message)
 
+    def publishers(self) -> int:
+        """Return how many nodes publish the topic."""
+        return int(self._subscriber.get_num_connections())
+
     def close(self) -> None:
         """Unsubscribe."""
         self._topics.changed = True
