@@ -95,7 +95,7 @@ class ForeignLaunch(unittest.TestCase):
     def test_warehouse_robot_with_casters_gpu_laser_and_cameras(self):
         with self.run_launch("hauler_gazebo", "hauler_world.launch") as run:
             self.assertEqual(run.wait_for_models("hauler"), ["ground_plane", "shelf_ahead", "parcel", "hauler"])
-            for name, words in (("camera", "renderer"), ("openni_kinect", "renderer"), ("control", "ros_control")):
+            for name, words in (("camera", "renderer"), ("openni_kinect", "renderer")):
                 run.wait_for_text("plugin libgazebo_ros_%s.so is not supported" % name)
                 line, = [line for line in run.text.splitlines() if "libgazebo_ros_%s.so" % name in line]
                 self.assertIn(words, line)

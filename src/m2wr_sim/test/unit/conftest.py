@@ -148,6 +148,13 @@ def make_rig(engine_kind):
 
 
 @pytest.fixture
+def make_robot(make_rig):
+    """Return a function that makes a robot of :mod:`control_robots` with ros_control, on the ground."""
+    from control_robots import Robot
+    return lambda text, z=0.15, **parameters: Robot(make_rig(), text, parameters, z)
+
+
+@pytest.fixture
 def m2wr_rig(make_rig, m2wr):
     """Return a function that makes a rig with m2wr in it, spawned as spawn_model does."""
     def make(*models, **options):

@@ -22,6 +22,7 @@ PLUGINS = {
     "libgazebo_ros_bumper.so": "m2wr_sim.plugins.bumper:Bumper",
     "libgazebo_ros_force.so": "m2wr_sim.plugins.force:Force",
     "libgazebo_ros_ft_sensor.so": "m2wr_sim.plugins.ft_sensor:JointWrench",
+    "libgazebo_ros_control.so": "m2wr_sim.plugins.ros_control:RosControl",
     "libm2wr_way_points.so": "m2wr_sim.plugins.way_points:WayPoints",
     "libTrajectoryActorPlugin.so": "m2wr_sim.plugins.way_points:TrajectoryActor",
     "libm2wr_actor_script.so": "m2wr_sim.plugins.way_points:ActorMotion",

@@ -90,9 +90,6 @@ UNSUPPORTED = {
     "libVehiclePlugin.so": _GAZEBO_DRIVE,
     "libCartDemoPlugin.so": _GAZEBO_DRIVE,
     # -- joints
-    "libgazebo_ros_control.so": Missing(
-        "runs the controllers of ros_control", "no controller drives a joint and there is no controller_manager",
-        instead=_ROS_CONTROL),
     "libgazebo_ros2_control.so": Missing(
         "runs the controllers of ros2_control, for ROS 2 only", "no controller drives a joint", instead=_ROS_CONTROL),
     "libroboticsgroup_gazebo_mimic_joint_plugin.so": _MIMIC,

@@ -94,7 +94,8 @@ class PluginHost:
                     yield spec, sensor, link.name
         config = self._simulator.config
         moving = [joint.name for joint in record.joints if joint.kind in ("revolute", "prismatic")]
-        given = any("joint_state" in spec.filename or spec.find("publishWheelJointState") in ("true", "1")
+        given = any("joint_state" in spec.filename or "gazebo_ros_control" in spec.filename
+                    or spec.find("publishWheelJointState") in ("true", "1")
                     for spec in record.plugins)
         if config.joint_states and record.plugins and moving and not given and not record.static:
             parameters = (("jointName", ",".join(moving)), ("updateRate", str(config.joint_state_rate)))
