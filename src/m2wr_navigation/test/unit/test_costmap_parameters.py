@@ -68,7 +68,7 @@ def test_malformed_plugins_are_named(plugins):
 
 
 @pytest.mark.parametrize("change, sentence", [
-    (dict(data_type="PointCloud"), "expected LaserScan or PointCloud2; the source is not used"),
+    (dict(data_type="Range"), "expected LaserScan, PointCloud or PointCloud2; the source is not used"),
     (dict(raytrace_range=1.0, obstacle_range=2.5), "obstacles between stay for ever"),
     (dict(marking="yes"), "expected true or false"), (dict(clering=True), "did you mean clearing?")])
 def test_settings_of_a_source_that_do_not_work_are_named(change, sentence):

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from m2wr_navigation.costmap.observation import (
+    MOST_POINTS,
     SOURCE_PARAMETERS,
     Observation,
     ObservationError,
     Source,
     cloud_points,
+    listed_points,
     scan_points,
     transformed,
 )
@@ -153,3 +155,10 @@ def test_a_regular_source_that_stops_is_late_after_a_few_periods(period, limit, 
     last = (count - 1) * period
     assert source.silence(last + 0.99 * limit) == 0.0
     assert source.silence(last + 1.01 * limit) == pytest.approx(1.01 * limit)
+
+
+def test_listed_points_are_kept_if_they_are_finite():
+    assert listed_points([]).shape == (0, 3)
+    assert listed_points([(1.0, 2.0, 0.5), (math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)]).tolist() == [[1.0, 2.0, 0.5]]
+    with pytest.raises(ObservationError, match="expected at most"):
+        listed_points(range(MOST_POINTS + 1))

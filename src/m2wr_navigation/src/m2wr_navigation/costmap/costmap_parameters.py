@@ -138,15 +138,16 @@ def source_settings(layer: LayerSetting, place: str) -> Tuple[Dict[str, Dict[str
         own = layer.given.get(name)
         where = "{}/{}/{}".format(place, layer.name, name)
         if not isinstance(own, dict):
-            warnings.append("{} has no parameters; expected at least data_type and topic".format(where))
-            own = {}
+            warnings.append("{} has no parameters; expected at least data_type and topic; it is not used".format(where))
+            continue
         inherited = {key: layer.given[key] for key in ("obstacle_range", "raytrace_range") if key in layer.given}
         sources[name], found = read(SOURCE_PARAMETERS, dict(inherited, **own), where)
         warnings += found + unknown(own, SOURCE_PARAMETERS, where)
         values = sources[name]
-        if values["data_type"] not in ("LaserScan", "PointCloud2"):
-            warnings.append("{}/data_type is {!r}; expected LaserScan or PointCloud2; the source is not used".format(
-                where, values["data_type"]))
+        if values["data_type"] not in ("LaserScan", "PointCloud", "PointCloud2"):
+            warnings.append(
+                "{}/data_type is {!r}; expected LaserScan, PointCloud or PointCloud2; the source is not used".format(
+                    where, values["data_type"]))
             del sources[name]
         elif values["clearing"] and values["raytrace_range"] < values["obstacle_range"]:
             warnings.append("{}: raytrace_range {:g} m is below obstacle_range {:g} m: obstacles between stay for ever"

@@ -27,7 +27,7 @@ _INFINITY_MARGIN = 1e-4     # m: below range_max, of a beam without return with 
 SOURCE_PARAMETERS: Dict[str, Parameter] = {
     "topic": text("", "topic of the sensor; default: the name of the source"),
     "sensor_frame": text("", "frame of the sensor; default: that of the message"),
-    "data_type": text("PointCloud", "PointCloud2 or LaserScan"),
+    "data_type": text("PointCloud", "LaserScan, PointCloud or PointCloud2"),
     "observation_persistence": Parameter(0.0, "s", 0.0, 1e6, "how long an observation counts; 0: until the next one"),
     "expected_update_rate": Parameter(0.0, "s", 0.0, 1e6, "longest time between two messages; 0: any"),
     "min_obstacle_height": Parameter(0.0, "m", -1e6, 1e6, "lower points are ignored"),
@@ -281,3 +281,21 @@ def transformed(points: FloatArray, translation: Sequence[float], quaternion: Se
         [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
         [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]])
     return points @ rotation.T + np.asarray(translation, float)
+
+
+def listed_points(points: Sequence[Tuple[float, float, float]]) -> FloatArray:
+    """Return the finite points (N, 3) of a PointCloud [m].
+
+    Parameters
+    ----------
+    points : sequence of (float, float, float)
+
+    Raises
+    ------
+    ObservationError
+        If there are too many.
+    """
+    if len(points) > MOST_POINTS:
+        raise ObservationError("it has {} points; expected at most {}".format(len(points), MOST_POINTS))
+    found = np.asarray(points, float).reshape(-1, 3)
+    return found[np.isfinite(found).all(-1)]

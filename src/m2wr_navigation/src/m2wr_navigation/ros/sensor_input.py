@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, Deque
 
 import numpy as np
 import rospy
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField
 
 from m2wr_navigation.costmap.observation import (
     Observation,
     ObservationError,
     cloud_points,
+    listed_points,
     scan_points,
     transformed,
 )
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 WAITING = 10                # messages that wait for their transforms; the oldest is dropped first
 SELDOM = 10.0               # s between two warnings of a kind
+_KINDS = {"LaserScan": LaserScan, "PointCloud": PointCloud, "PointCloud2": PointCloud2}
 PATIENCE = 1.0              # s after which a message without transform is dropped
 
 
@@ -44,9 +46,8 @@ class SensorInput:
         self._source, self._transforms, self._frame = source, transforms, frame
         self._lock = threading.Lock()
         self._waiting: Deque[Any] = deque(maxlen=WAITING)
-        kind = LaserScan if source.values["data_type"] == "LaserScan" else PointCloud2
-        self._subscriber = rospy.Subscriber(source.topic, kind, self._on_message, queue_size=WAITING,
-                                            buff_size=2**24, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(source.topic, _KINDS[source.values["data_type"]], self._on_message,
+                                            queue_size=WAITING, buff_size=2**24, tcp_nodelay=True)
 
     @property
     def topic(self) -> str:
@@ -105,6 +106,8 @@ class SensorInput:
         if isinstance(message, LaserScan):
             points, free = scan_points(message.ranges, message.angle_min, message.angle_increment,
                                        (message.range_min, message.range_max), self._source.values)
+        elif isinstance(message, PointCloud):
+            points, free = listed_points([(point.x, point.y, point.z) for point in message.points]), np.zeros((0, 3))
         else:
             points, free = self._cloud(message), np.zeros((0, 3))
         return Observation(message.header.stamp.to_sec(), np.array(translation),
