@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from launch_runs import Launched  # noqa: E402
 from m2wr_navigation.best_path.candidates import PLANNERS  # noqa: E402
+from m2wr_navigation.compare.comparison import Comparison  # noqa: E402
 from sim_probe import Recorder, run_checks, wait_until  # noqa: E402
 
 PATIENCE = 240.0            # s of wall time for a run, also on a busy machine
@@ -78,9 +79,23 @@ class BestPath(unittest.TestCase):
         self.assertEqual((after["how"], after["outcome"]), (driven[0].name, "reached"), text)
         self.assertLess(after["total"], 0.6 * before["total"])
 
-    def test_3_damaged_experience_is_named_and_the_goal_reached(self):
+    def test_3_five_runs_get_no_worse_and_end_near_the_optimum(self):
+        while len(self.runs()) < 5:
+            before = len(self.runs())
+            text = self.launch()
+            self.assertEqual(len(self.runs()), before + 1, text)
+        runs = self.runs()
+        self.assertEqual({run["outcome"] for run in runs}, {"reached"})
+        totals = [run["total"] for run in runs]
+        for before, after in zip(totals, totals[1:]):
+            self.assertLessEqual(after, before + CLEARANCE, totals)
+        start, goal = runs[-1]["track"][0][1:], runs[-1]["goal"]
+        optimum = Comparison("world02.world", start, goal[:2]).optimum.length
+        self.assertLessEqual(runs[-1]["amounts"]["length"], 1.05 * optimum)
+
+    def test_4_damaged_experience_is_named_and_the_goal_reached(self):
         path = os.path.join(self.folder, "world02", "experience.json")
-        best = self.runs()[1]["total"]
+        best = min(run["total"] for run in self.runs())
         with open(path, "a", encoding="utf-8") as stream:
             stream.write("}")
         text = self.launch("seed:=7")
@@ -90,7 +105,7 @@ class BestPath(unittest.TestCase):
         self.assertLessEqual(run["total"], best + CLEARANCE)
         self.assertTrue(os.path.exists(path + ".damaged"))
 
-    def test_4_a_goal_in_a_wall_is_told(self):
+    def test_5_a_goal_in_a_wall_is_told(self):
         text = self.launch("des_pos_x:=0", "des_pos_y:=4.73")
         self.assertIn("unreachable", text)
         self.assertIn("the goal (", text)
