@@ -121,6 +121,9 @@ RULES = (
     Rule("m2wr_navigation/barn/*.py", NUMERIC | {"yaml"}, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/accuracy/*.py", NUMERIC | {"yaml"}, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/compare/*.py", NUMERIC, False, False, ("m2wr_navigation.ros",)),       # measures time
+    Rule("m2wr_navigation/fusion/*.py", NUMERIC, False, True,
+         ("m2wr_navigation.ros", "m2wr_navigation.localization", "m2wr_navigation.planners",
+          "m2wr_navigation.controllers")),
     Rule("m2wr_navigation/optimum/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/planners/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.controllers", "m2wr_navigation.recoveries")),
