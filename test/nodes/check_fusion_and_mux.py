@@ -104,13 +104,15 @@ class CheckFusionAndMux(unittest.TestCase):
         wait_until(lambda: 3.0 in passed(), "the next strong command")
         status = Recorder("/diagnostics", DiagnosticArray)
         self.addCleanup(status.close)
-        lock.publish(True)
-        wait_until(lambda: any(entry.status[0].level == 1 for entry in status.messages), "the lock")
-        send(strong, 4.0)
-        lock.publish(False)
-        wait_until(lambda: status.messages[-1].status[0].level == 0, "the open lock")
+        for closed, level in ((True, 1), (False, 0)):
+            lock.publish(closed)
+            status.wait(lambda messages: messages[-1].status[0].level == level, "the lock")     # noqa: B023
         send(strong, 5.0)
         wait_until(lambda: 5.0 in passed(), "a command after the lock")
+        lock.publish(True)
+        status.wait(lambda messages: messages[-1].status[0].level == 1, "the lock")
+        send(strong, 4.0)
+        status.next(2)
         self.assertNotIn(4.0, passed())
         self.assertNotIn(2.0, passed()[count:])
 
