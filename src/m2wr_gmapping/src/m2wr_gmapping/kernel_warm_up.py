@@ -46,7 +46,7 @@ def rare_work(mapper: Mapper) -> None:
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
-    drift_kernels.drift(path, turned, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
+    drift_kernels.drift(path, turned, 0.0, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
     scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
     place_search.near_search(scene, nodes)
     place_search.wide_search(scene, nodes)

@@ -308,7 +308,7 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
-            if tracker.has_slipped and self._gaps.noticed:
+            if self._gaps.allow_turn(tracker.has_slipped):
                 self._history.mark_doubtful()
         particles.resample()
         particles.register(reading)

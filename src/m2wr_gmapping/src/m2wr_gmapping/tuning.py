@@ -227,7 +227,6 @@ class Drift:
                               "normal distribution: 98.8 %")
     least: Vector2 = tuned((0.5, 0.1), "m, rad", "Least half width of a search. Corrections by wide searches that "
                            "differ by less agree.", "geometry: several cells of the raster of a wide search")
-    most: Vector2 = tuned((30.0, 0.6), "m, rad", "Greatest half width of a search.", "time and memory of a search")
     near: float = tuned(2.0, "m", "With less drift only the newest scans are searched, and of the old ones those "
                         "within the drift and this.", "geometry: the width of a corridor")
     room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",
@@ -326,7 +325,8 @@ class Loops:
 class Turns:
     """Turns of the path that were not noticed."""
 
-    window: float = tuned(0.2, "rad", "Half width of the search around a right angle.", UNKNOWN)
+    lifted: float = tuned(1.0, "s", "In less time a robot cannot be lifted, turned and put down.",
+                          "half a turn at 3 rad/s")
     memory: float = tuned(50.0, "m", "Path after which a result is dropped.", "geometry: a loop of a building")
     support: float = tuned(5.0, "m", "Least path with results that agree.", "geometry: half of a segment")
     count: int = tuned(5, "1", "Least number of results that agree.", "a false turn is worse than a missed one")

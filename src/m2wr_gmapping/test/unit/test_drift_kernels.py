@@ -35,12 +35,3 @@ def test_loop_candidates_equal_reference(node):
     assert numbers[0, :near].tolist() == [k for k in again if shift[k] <= 2.0]
     assert numbers[1, :far].tolist() == [k for k in again if shift[k] > 2.0]
     assert node < 199 or (near and far)
-
-
-def test_search_widths_equal_reference():
-    rng = np.random.default_rng(0)
-    found, shift, turn = 10.0**rng.uniform(-3.0, 5.0, (300, 3)), np.empty(300), np.empty(300)
-    gk.widths(found, 2.5, 0.0005, (0.5, 30.0), (0.1, 0.6), shift, turn)
-    assert np.allclose(shift, np.minimum(0.5 + 2.5 * np.sqrt(0.0005 * found[:, 0] + found[:, 1]), 30.0))
-    assert np.allclose(turn, np.minimum(0.1 + 2.5 * np.sqrt(0.0005 * found[:, 2]), 0.6))
-    assert shift.min() < 0.6 and shift.max() == 30.0 and turn.min() < 0.11 and turn.max() == 0.6

@@ -398,13 +398,13 @@ def test_similar_aisles_are_not_confused():
 @pytest.mark.parametrize("seed", range(5))
 def test_drift_follows_the_shortest_path_in_the_graph(seed):
     rng = np.random.default_rng(seed)
-    path, variances = np.cumsum(rng.normal(0.0, 1.0, (30, 3)), axis=0), rng.uniform(0.0, 0.1, 30)
+    path, variances, walk = np.cumsum(rng.normal(0.0, 1.0, (30, 3)), axis=0), rng.uniform(0.0, 0.1, 30), 0.02
     links, source = rng.integers(0, 30, (seed, 2)), (29, 29, 0, 12, 20)[seed]
     edges = {}
     for k in range(1, 30):
-        size = math.hypot(*(path[k] - path[k - 1])[:2])
-        lever = size * math.hypot(*(path[source] - 0.5 * (path[k] + path[k - 1]))[:2])**2
-        edges[k - 1, k] = edges[k, k - 1] = np.array([lever, variances[k], size])
+        turn = walk * math.hypot(*(path[k] - path[k - 1])[:2])
+        lever = turn * math.hypot(*(path[source] - 0.5 * (path[k] + path[k - 1]))[:2])**2
+        edges[k - 1, k] = edges[k, k - 1] = np.array([lever, variances[k], turn])
     for a, b in links:
         edges[a, b] = edges[b, a] = np.zeros(3)
     best = {source: np.zeros(3)}
@@ -413,7 +413,7 @@ def test_drift_follows_the_shortest_path_in_the_graph(seed):
             if a in best and (b not in best or best[a][0] + cost[0] < best[b][0] - 1e-12):
                 best[b] = best[a] + cost
     out = np.empty((30, 3))
-    drift_kernels.drift(path, variances, links.astype(np.int64).reshape(-1, 2), source, out)
+    drift_kernels.drift(path, variances, walk, links.astype(np.int64).reshape(-1, 2), source, out)
     assert np.allclose(out, [best[k] for k in range(30)])
 
 

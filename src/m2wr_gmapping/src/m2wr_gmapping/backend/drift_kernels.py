@@ -22,23 +22,24 @@ def _relax(k: int, onto: int, out: FloatArray) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatArray, step: FloatArray,
+def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatArray, turn: FloatArray,
                out: FloatArray) -> None:
     """Continue from node ``first`` along the path, backwards (``direction`` -1) or forwards (1), while the route is
     better.
     """
-    heading, variance, length = out[first, 0], out[first, 1], out[first, 2]
+    by_heading, by_steps, heading = out[first, 0], out[first, 1], out[first, 2]
     last = out.shape[0] - 1 if direction > 0 else 0
     for k in range(first, last, direction):
         to = max(k, k + direction)            # a step is stored with the node at its end
-        heading, variance, length = heading + lever[to], variance + variances[to], length + step[to]
-        if heading >= out[k + direction, 0]:
+        by_heading, by_steps, heading = by_heading + lever[to], by_steps + variances[to], heading + turn[to]
+        if by_heading >= out[k + direction, 0]:
             return
-        out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = heading, variance, length
+        out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = by_heading, by_steps, heading
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: int, out: FloatArray) -> None:
+def drift(path: FloatArray, variances: FloatArray, walk: float, links: IndexArray, source: int,
+          out: FloatArray) -> None:
     """Compute the drift of all nodes against ``source``, each along the route with the least drift of the heading.
 
     Routes use the steps of the path and the loop closures.
@@ -49,27 +50,29 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
         Poses of the best particle at all processed scans [m, m, rad], in ``map``.
     variances : (K,) float64
         Position variance of the step to each node [m^2].
+    walk : float
+        Variance of the heading per distance [rad^2/m].
     links : (L, 2) int64
         Pairs of nodes that a loop closure connects.
     source : int
         Number of the node.
     out : (K, 3) float64
-        Written: position variance at the source by a random walk of the heading of 1 rad^2/m, which is the sum of
-        step length times squared distance from the source [m^3]; position variance of the steps [m^2]; length of
-        the route [m].
+        Written: position variance at the source by the headings of the steps, which is the sum of their variances
+        times their squared distances from the source [m^2]; position variance of the steps [m^2]; variance of the
+        heading [rad^2].
     """
     count = path.shape[0]
     out[:, 0], out[:, 1], out[:, 2] = np.inf, 0.0, 0.0
     out[source, 0] = 0.0
-    lever, step = np.zeros(count), np.zeros(count)
+    lever, turn = np.zeros(count), np.zeros(count)
     for k in range(1, count):
         dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
-        step[k] = math.sqrt(dx * dx + dy * dy)
+        turn[k] = walk * math.sqrt(dx * dx + dy * dy)
         dx = path[source, 0] - 0.5 * (path[k, 0] + path[k - 1, 0])
         dy = path[source, 1] - 0.5 * (path[k, 1] + path[k - 1, 1])
-        lever[k] = step[k] * (dx * dx + dy * dy)
+        lever[k] = turn[k] * (dx * dx + dy * dy)
     for direction in (-1, 1):
-        _propagate(source, direction, lever, variances, step, out)
+        _propagate(source, direction, lever, variances, turn, out)
     changed = True
     while changed:
         changed = False
@@ -79,7 +82,7 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
                 if _relax(links[k, 1 - side], onto, out):
                     changed = True
                     for direction in (-1, 1):
-                        _propagate(onto, direction, lever, variances, step, out)
+                        _propagate(onto, direction, lever, variances, turn, out)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -99,34 +102,6 @@ def distances_along(path: FloatArray, out: FloatArray) -> None:
             dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
             total += math.sqrt(dx * dx + dy * dy)
         out[k] = total
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def widths(found: FloatArray, deviations: float, heading: float, shift_limits: Tuple[float, float],
-           turn_limits: Tuple[float, float], shift: FloatArray, turn: FloatArray) -> None:
-    """Write the half widths of a search for the drift of each node.
-
-    Parameters
-    ----------
-    found : (K, 3) float64
-        ``out`` of ``drift``.
-    deviations : float
-        Half width in standard deviations.
-    heading : float
-        Variance of the heading per distance [rad^2/m].
-    shift_limits : Tuple[float, float]
-        Least and greatest half width [m].
-    turn_limits : Tuple[float, float]
-        Least and greatest half width [rad].
-    shift : (K,) float64
-        Written [m].
-    turn : (K,) float64
-        Written [rad].
-    """
-    for k in range(found.shape[0]):
-        reach = deviations * math.sqrt(heading * found[k, 0] + found[k, 1])
-        shift[k] = min(shift_limits[0] + reach, shift_limits[1])
-        turn[k] = min(turn_limits[0] + deviations * math.sqrt(heading * found[k, 2]), turn_limits[1])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

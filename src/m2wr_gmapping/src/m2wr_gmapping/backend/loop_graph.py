@@ -2,6 +2,7 @@
 """Pose graph of the best particle's path: steps, loop closures, and their optimisation."""
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -187,12 +188,13 @@ class LoopGraph:
             Poses of the best particle at all processed scans [m, m, rad], in ``map``.
         node : int
         """
-        out, shift, turn = np.empty((len(path), 3)), np.empty(len(path)), np.empty(len(path))
+        out = np.empty((len(path), 3))
         if len(self._link_nodes) < len(self.links):
             self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
-        drift_kernels.drift(path, self._history.variances[:len(path)], self._link_nodes, node, out)
-        drift_kernels.widths(out, DRIFT.deviations, DRIFT.heading, *zip(DRIFT.least, DRIFT.most), shift, turn)
-        return shift, turn
+        drift_kernels.drift(path, self._history.variances[:len(path)], DRIFT.heading, self._link_nodes, node, out)
+        shift = DRIFT.least[0] + DRIFT.deviations * np.sqrt(out[:, 0] + out[:, 1])
+        turn = DRIFT.least[1] + DRIFT.deviations * np.sqrt(out[:, 2])
+        return shift, np.minimum(turn, math.pi)
 
     def near_link(self, scene: place_search.Scene, near: IndexArray,
                   reach: float = 0.0) -> Tuple[Optional[Link], Any, bool]:

@@ -84,7 +84,8 @@ def _raster(pose: FloatArray, query: FloatArray, path: FloatArray, reference: In
 
 def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
                   readings: Sequence[ScanReading], window: float, turn: float, raster_cell: float,
-                  allowed: Optional[Callable[[FloatArray], Uint8Array]] = None) -> FloatArray:
+                  allowed: Optional[Callable[[FloatArray], Uint8Array]] = None,
+                  headings: Sequence[float] = (0.0,)) -> FloatArray:
     """Search the query around ``pose`` in a raster of the reference nodes' end points.
 
     Parameters
@@ -108,6 +109,8 @@ def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, referen
     allowed : callable or None
         Takes the offsets (N,) of the blocks' centres along x and y [m]; returns (N, N) uint8, nonzero for blocks to
         search, rows along y.
+    headings : sequence of float
+        Rotations that are searched, each with its half width ``turn`` [rad].
 
     Returns
     -------
@@ -119,7 +122,7 @@ def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, referen
     ck.block_maximum(raster, coarse)
     typical = max(1.0, float(np.hypot(query[0], query[1]).mean()))
     count = int(np.ceil(turn * typical / raster_cell))
-    turns = np.arange(-count, count + 1) * (raster_cell / typical)
+    turns = np.add.outer(headings, np.arange(-count, count + 1) * (raster_cell / typical)).ravel()
     blocks = int(np.ceil(window / raster_cell / ck.BLOCK))
     mask = np.ones((2 * blocks + 1, 2 * blocks + 1), np.uint8)
     if allowed is not None:

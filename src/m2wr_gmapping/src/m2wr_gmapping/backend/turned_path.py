@@ -3,7 +3,8 @@
 
 A corridor looks the same after half a turn, a square room after a quarter. If the robot is turned there while scans
 are missing, every later pose is rotated about that place, and places appear a second time, rotated. Only steps without
-scans on which odometry and laser did not agree are in doubt: a building with equal wings looks the same.
+scans are in doubt on which odometry and laser did not agree, or on which scans are seldom missing: a building with
+equal wings looks the same.
 """
 from __future__ import annotations
 
@@ -65,10 +66,9 @@ class TurnedPath:
         self._graph = graph
         self._finds: List[TurnedFind] = []
         self._searched_at = 0.0
-        self._turn = 0
 
     def search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-               doubtful: Sequence[int]) -> Optional[List[TurnedFind]]:
+               doubtful: List[int]) -> Optional[List[TurnedFind]]:
         """Search at the newest node; return the results that agree on a turn, once there are enough.
 
         Parameters
@@ -79,14 +79,17 @@ class TurnedPath:
             Length of the path up to each node [m].
         readings : sequence of K ScanReading
             Scans of the path's nodes.
-        doubtful : sequence of int
-            Nodes to which the robot may have turned.
+        doubtful : list of int
+            Nodes to which the robot may have turned. Those that loop closures have settled are removed.
 
         Returns
         -------
         list of TurnedFind or None
         """
         here = along[-1]
+        if here - self._searched_at < LOOPS.every_found:
+            return None
+        doubtful[:] = [node for node in doubtful if not self._is_settled(path, node)]
         # the newest scans have to be from after the turn, and the oldest from before
         nodes = [node for node in doubtful if SEARCH.path < along[node] < here - SEARCH.path]
         if not nodes:
@@ -95,13 +98,13 @@ class TurnedPath:
         if here - self._searched_at < (LOOPS.every_found if follows else LOOPS.spacing):
             return None
         self._searched_at = here
-        correction: Optional[FloatArray]
-        if follows:
-            correction = self._finds[-1].correction
-        else:
-            self._turn = (self._turn + 1) % len(RIGHT_ANGLES)
-            correction = self._coarse(path, along, readings, nodes, RIGHT_ANGLES[self._turn])
-        found = None if correction is None else self._verify(path, along, readings, nodes, correction)
+        shift, turn = self._graph.drift(path, len(path) - 1)
+        found = None
+        if self._finds:         # the place of the newest scans after the last turn found is known already
+            found = self._verify(path, along, readings, nodes, shift, self._finds[-1].correction)
+        if found is None:
+            correction = self._coarse(path, along, readings, nodes, shift, float(turn[nodes].max()))
+            found = None if correction is None else self._verify(path, along, readings, nodes, shift, correction)
         if found is None:
             return None
         self._finds = [find for find in self._finds if here - find.along < TURNS.memory] + [found]
@@ -111,37 +114,43 @@ class TurnedPath:
         self._finds = [find for find in self._finds if not _agrees(find, found, path[-1])]
         return agreed
 
-    def _coarse(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], nodes: List[int],
-                turn: float) -> Optional[FloatArray]:
-        """Return the correction of the place that the newest scans fit best after a turn on the way to a node."""
-        last = nodes[-1]
+    def _is_settled(self, path: FloatArray, node: int) -> bool:
+        """Whether enough loop closures connect the path before ``node`` with that after it.
+
+        Only those far from it count: a place that looks alike after a turn is the reason for the doubt.
+        """
+        across = np.array([new for old, new, _, _ in self._graph.links if old < node <= new], int)
+        return int((np.hypot(*(path[across] - path[node])[:, :2].T) > SEARCH.reach).sum()) >= TURNS.count
+
+    def _coarse(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                nodes: List[int], shift: FloatArray, turn: float) -> Optional[FloatArray]:
+        """Return the correction of the place that the newest scans fit best after a turn on the way to a node.
+
+        The window is the drift since the turn, ``shift`` against all nodes [m] and ``turn`` [rad].
+        """
+        last, newest = nodes[-1], path[-1]
         query = wide_query(path, along, readings, SEARCH.path)
         if query.shape[1] < SEARCH.fewest:
             return None
         old = path[:last, :2]
         centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
-        window = float((old.max(axis=0) - centre).max()) + DRIFT.room
-        c, s = math.cos(turn), math.sin(turn)
-        centres = path[nodes, :2]
-        arm = path[-1, :2] - centres
-        turned = centres + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]], -1)
+        turned = [(compose([0.0, 0.0, angle], newest - path[node])[:2] + path[node, :2] - centre, shift[node])
+                  for node in nodes for angle in RIGHT_ANGLES]
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            return near_places(middles, turned - centre, 2.0 * LOOPS.linked) \
-                * near_places(middles, old - centre, DRIFT.room)
+            near = [near_places(middles, away[None], DRIFT.room + reach) for away, reach in turned]
+            return near_places(middles, old - centre, DRIFT.room) * np.maximum.reduce(near)
 
-        reference = evenly(np.arange(last), SEARCH.nodes[1])
-        pose = np.array([centre[0], centre[1], path[-1, 2] + turn])
-        best = place_search.coarse_search(pose, query, path, reference, readings, window, TURNS.window,
-                                          SEARCH.cells[1], allowed)
-        if not place_search.is_unique(best):
-            return None
-        return compose(best[:3], inverse(path[-1]))
+        window = float((old.max(axis=0) - centre).max()) + DRIFT.room
+        best = place_search.coarse_search(
+            np.append(centre, newest[2]), query, path, evenly(np.arange(last), SEARCH.nodes[1]), readings, window,
+            min(turn, 0.25 * math.pi), SEARCH.cells[1], allowed, RIGHT_ANGLES)
+        return compose(best[:3], inverse(newest)) if place_search.is_unique(best) else None
 
-    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                nodes: List[int], correction: FloatArray) -> Optional[TurnedFind]:
-        """Search again with the path turned by ``correction``, against the scans before the turn only."""
-        node = turned_node(path, nodes, correction)
+    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], nodes: List[int],
+                shift: FloatArray, correction: FloatArray) -> Optional[TurnedFind]:
+        """Search again with the path after a turn by ``correction``, against the scans before the turn only."""
+        node = turned_node(path, nodes, correction, shift)
         if node is None:
             return None
         turned = turned_after(path, node, correction)
@@ -218,7 +227,7 @@ def turned_after(path: FloatArray, node: int, correction: FloatArray) -> FloatAr
     return turned
 
 
-def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> Optional[int]:
+def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray, shift: FloatArray) -> Optional[int]:
     """Return the node on the way to which the robot was turned, or None if it was at none then.
 
     Parameters
@@ -228,13 +237,13 @@ def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> O
     nodes : list of int
         Candidates.
     correction : (3,) float64
-        Transform of the poses after the turn; its fixed point is the place of the turn.
+        Transform of the poses after the turn; it does not move the place of the turn.
+    shift : (K,) float64
+        Drift of the newest node against each node [m].
     """
-    moved = compose(correction, path[nodes])        # the robot at a fixed point does not move
-    size = 2.0 * abs(math.sin(0.5 * correction[2]))     # and moves so far per metre from it
-    distance = np.hypot(*(moved - path[nodes])[:, :2].T) / max(size, 1e-9)
+    distance = np.hypot(*(compose(correction, path[nodes]) - path[nodes])[:, :2].T) - shift[nodes]
     best = int(np.argmin(distance))
-    return nodes[best] if distance[best] <= LOOPS.linked else None
+    return nodes[best] if distance[best] <= DRIFT.room else None
 
 
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:

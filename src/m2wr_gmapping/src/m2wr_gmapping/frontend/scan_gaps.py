@@ -2,30 +2,49 @@
 """Times in which scans are missing: what the robot did then is known from odometry only."""
 from __future__ import annotations
 
+import math
+
 from m2wr_gmapping import tuning
 
 
 class ScanGaps:
-    """Notices missing scans.
+    """Notices missing scans, and how unusual that is.
 
     Attributes
     ----------
-    noticed : bool
-        Whether scans were missing since :meth:`restart`.
+    surprise : float
+        Negative logarithm of the probability of the longest interval without scans since :meth:`restart`, from how
+        often scans were missing so far; 0 if no scan was missing.
+    longest : float
+        Its length [s].
     """
 
     def __init__(self) -> None:
-        self.noticed = False
-        self._count, self._first, self._last = 0, 0.0, 0.0
+        self.surprise = self.longest = 0.0
+        self._count, self._gaps, self._first, self._last = 0, 0, 0.0, 0.0
 
     def add(self, stamp: float) -> None:
         """Take note of a scan at a time [s]."""
         if self._count > 1:
             usual = (self._last - self._first) / (self._count - 1)
-            self.noticed |= stamp - self._last > tuning.TRACKING.missing_scan * usual
+            longer = stamp - self._last - tuning.TRACKING.missing_scan * usual
+            if longer > 0.0:
+                self._gaps += 1
+                self.longest = max(self.longest, stamp - self._last)
+                # the share of such intervals, and an exponential distribution of their lengths
+                self.surprise = max(self.surprise, longer / usual - math.log(self._gaps / self._count))
         self._first = self._first if self._count else stamp
         self._last, self._count = stamp, self._count + 1
 
     def restart(self) -> None:
-        """Forget the gaps noticed so far."""
-        self.noticed = False
+        """Forget the gaps noticed so far, but not how many they were."""
+        self.surprise = self.longest = 0.0
+
+    def allow_turn(self, slipped: bool) -> bool:
+        """Return whether the robot may have been turned in an unknown way since :meth:`restart`.
+
+        Scans must be missing. Besides, laser and odometry must have disagreed afterwards (``slipped``), or the gap must
+        be as improbable as a slip and long enough for someone to lift the robot.
+        """
+        return self.surprise > 0.0 and (slipped or (self.surprise > tuning.SLIPS.cost
+                                                    and self.longest >= tuning.TURNS.lifted))

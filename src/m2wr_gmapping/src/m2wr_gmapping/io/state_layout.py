@@ -8,7 +8,7 @@ from typing import Any, Dict, Union
 import numpy as np
 
 from m2wr_gmapping.backend.loop_closing import Candidate
-from m2wr_gmapping.backend.turned_path import RIGHT_ANGLES, TurnedFind
+from m2wr_gmapping.backend.turned_path import TurnedFind
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -81,8 +81,7 @@ GRAPH = Part({"links": Many(LINK), "rejected": Many(Group(NODE, NODE)), "searche
 EXTENSION = Part({
     "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
     "has_large_shift": YES}, ("_graph",))
-TURNED = Part({
-    "_finds": Many(TURNED_FIND), "_searched_at": REAL, "_turn": Number(int, 0, len(RIGHT_ANGLES) - 1)}, ("_graph",))
+TURNED = Part({"_finds": Many(TURNED_FIND), "_searched_at": REAL}, ("_graph",))
 LOOPS = Part({
     "graph": GRAPH, "_extension": EXTENSION, "_turned": TURNED, "_pending": Maybe(Group(LINK, POSE)),
     "_candidates": Many(CANDIDATE), "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL,
@@ -91,7 +90,7 @@ TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE))}, ("_matcher", "_dense", "_ask"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
-GAPS = Part({"noticed": YES, "_count": COUNT, "_first": REAL, "_last": REAL})
+GAPS = Part({"surprise": REAL, "longest": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
