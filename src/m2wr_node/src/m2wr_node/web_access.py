@@ -84,12 +84,16 @@ class Access:
         headers : mapping of str to str
             Of the request; names without regard to case.
         """
-        if self.token:          # browsers send the cookie only for pages of this server
-            return None if self._has_token(path, headers) else "the link has no valid token; expected the link " \
-                "that was printed at the start"
         host, origin = headers.get("Host", ""), headers.get("Origin")
+        if self.token and self._is_token(parse_qs(urlsplit(path).query).get(TOKEN, [])):
+            return None
+        if self.token and not self._is_token(self._cookies(headers)):
+            return "the link has no valid token; expected the link that was printed at the start"
+        # cookies do not know ports: a browser sends that of this server for a page of any server of the machine
         if origin is not None and not self._is_known(origin, host):
             return "a page of %s asks; expected one of %s" % (origin[:100], host[:100])
+        if self.token:
+            return None
         name = _host_of("//" + host)
         return None if self._any_host or is_loopback(name) or host.lower() in self._sites else \
             "the host is %r; expected localhost, or a link with a token" % host[:100]
@@ -101,13 +105,13 @@ class Access:
         return bool(mark) and (place == host.lower() or place in self._sites or (
             self._local_pages and scheme in ("http", "https") and is_loopback(_host_of("//" + place))))
 
-    def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:
-        given = parse_qs(urlsplit(path).query).get(TOKEN, [])
-        for part in headers.get("Cookie", "").split(";"):
-            name, _, value = part.strip().partition("=")
-            if name == self.cookie:
-                given.append(value)
+    def _is_token(self, given: Sequence[str]) -> bool:
         return any(hmac.compare_digest(value.encode(), self.token.encode()) for value in given)
+
+    def _cookies(self, headers: Mapping[str, str]) -> List[str]:
+        """Return the values of this server's cookie."""
+        parts = (part.strip().partition("=") for part in headers.get("Cookie", "").split(";"))
+        return [value for name, _, value in parts if name == self.cookie]
 
     def cookie_line(self, path: str) -> Optional[str]:
         """Return the header Set-Cookie for a link with the token, or None."""

@@ -47,6 +47,14 @@ def test_a_token_is_needed_where_there_is_one(path, cookie, allowed):
     assert (CLOSED.refusal(path, {"Host": "any.example", "Cookie": cookie}) is None) is allowed
 
 
+@pytest.mark.parametrize("origin, path, allowed", [
+    ("http://lab.example:8080", "/", True), ("http://lab.example:8000", "/", False), ("null", "/", False),
+    ("http://evil.example", "/", False), ("http://evil.example", "/?token=secret", True)])
+def test_a_cookie_is_for_pages_of_this_server_only(origin, path, allowed):
+    headers = {"Host": "lab.example:8080", "Origin": origin, "Cookie": "c=secret"}
+    assert (CLOSED.refusal(path, headers) is None) is allowed
+
+
 def test_only_a_link_with_the_token_sets_the_cookie():
     assert "HttpOnly" in CLOSED.cookie_line("/?token=secret")
     assert CLOSED.cookie_line("/") is None and OPEN.cookie_line("/?token=") is None
