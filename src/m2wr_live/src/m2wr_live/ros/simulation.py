@@ -113,6 +113,8 @@ class Simulation(Actions):
         return self._models
 
     def place_model(self, model: str, x: float, y: float, yaw: float) -> str:
+        if model not in self.models():
+            raise ViewError("model %r; expected one that the list offers" % model[:60])
         return self._safely(lambda: self._world.add_model(model, (x, y, 0.0), yaw))
 
     def model_pose(self, name: str) -> ModelPose:

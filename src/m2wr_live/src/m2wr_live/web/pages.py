@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("m2wr_live")
 
-_LAYERS = (("Laser beams", "beams"), ("Trails", "trails"), ("Goals and points", "marks"), ("Maps", "maps"),
-           ("Paths", "paths"), ("Particles", "particles"), ("Markers, frontiers", "markers"))
 _PROBLEMS = 3               # lines of the status
 _PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
 
@@ -70,15 +68,6 @@ class Pages:
         self._table_folder = gui.add_folder("Paths to choose from", order=5, visible=False)
         with self._table_folder:
             self._table = gui.add_html("")
-        with gui.add_folder("Show, on all pages", order=20, expand_by_default=False):
-            for label, name in _LAYERS:
-                self._make_layer(gui.add_checkbox(label, True), self.picture.layers[name])
-
-    @staticmethod
-    def _make_layer(box: Any, node: Any) -> None:
-        @box.on_update
-        def _(_event: Any) -> None:
-            node.visible = bool(box.value)
 
     # ---- pages -------------------------------------------------------------------------------------------------
 

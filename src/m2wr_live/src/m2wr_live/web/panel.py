@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple
 import numpy as np
 
 from m2wr_live.web.actions import PLACEABLE
+from m2wr_live.web.layers import add_layers
 from m2wr_live.web.picking import first_hit, on_ground
 from m2wr_live.web.speed import SpeedList
 from m2wr_view.errors import ViewError
@@ -87,6 +88,7 @@ class Panel:
             self._make_clicks(actions)
             self._make_recording(actions)
         self._make_camera()
+        add_layers(client)
 
     # ---- parts of the panel ------------------------------------------------------------------------------------
 

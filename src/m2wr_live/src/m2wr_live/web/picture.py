@@ -9,6 +9,7 @@ import numpy as np
 from m2wr_live.scene.shapes import UNITS, Geometry, quaternions_of
 from m2wr_live.web.annotation_picture import AnnotationPicture, node_name
 from m2wr_live.web.batches import Batches
+from m2wr_live.web.layers import LAYERS
 from m2wr_live.web.map_pixels import pixels_of
 from m2wr_live.web.segments import Segments
 from m2wr_live.web.trail_picture import TrailPicture
@@ -63,8 +64,8 @@ class Picture:
         scene.add_light_hemisphere("/sky", sky_color=SKY, ground_color=GROUND_LIGHT, intensity=2.0)
         self._floor = scene.add_grid("/floor", width=100.0, height=100.0, cell_size=1.0, section_size=5.0, plane="xy",
                                      infinite_grid=True, shadow_opacity=0.25)
-        layers = ("beams", "trails", "marks", "maps", "paths", "particles", "markers", "names")
-        self.layers: Dict[str, Any] = {name: scene.add_frame("/" + name, show_axes=False) for name in layers}
+        for name in [name for _, name in LAYERS] + ["names"]:
+            scene.add_frame("/" + name, show_axes=False)
         self.world, self._robots = Batches(scene, "/world"), Batches(scene, "/robots")
         self.robot_shapes: List[Tuple[Robot, Shape]] = []
         self._offsets: FloatArray = np.zeros((0, 4, 4))

@@ -25,6 +25,7 @@ import websockets.datastructures
 import websockets.exceptions
 import websockets.http11
 
+from m2wr_live.web.intake import take_messages
 from m2wr_live.web.requests import Drive, read_drive
 from m2wr_live.web.windows import send_windows
 from m2wr_node.web_access import Access
@@ -68,6 +69,7 @@ class SafeBuffer(viser.infra._infra.AsyncMessageBuffer):     # type: ignore[misc
 
 viser.infra._infra.AsyncMessageBuffer = SafeBuffer      # of the server and of each page
 viser.infra._infra._message_producer = send_windows
+viser.infra._infra._message_consumer = take_messages
 
 
 class _Guarded(viser.infra.WebsockServer):

@@ -47,7 +47,7 @@ class SpeedList:
         @self._list.on_update
         def _(event: Any) -> None:
             words = str(self._list.value)
-            if event.client is None or words == NOT_KNOWN:      # set by show()
+            if event.client is None or words == NOT_KNOWN or words not in self._list.options:   # the first: by show()
                 return
             attempt(lambda: actions.set_factor(0.0 if words == UNLIMITED else float(words)))
 
