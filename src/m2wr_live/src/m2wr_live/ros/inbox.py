@@ -44,8 +44,9 @@ SHOWN = {"sensor_msgs/LaserScan": 10.0, "nav_msgs/Path": 2.0, "nav_msgs/Occupanc
 _LEFT_OUT = ("/bug2/markers",)
 _PARTS_LEFT_OUT = ("/best_path/plans/",)        # the candidates, which are markers too
 _RATES = {"/gazebo/world_markers": 10.0}
-#: Types and topics with a message for each period of simulated time: publishers are asked for as many as are drawn.
-_PACED = {"/clock": 30.0, "/gazebo/link_states": 30.0, "sensor_msgs/LaserScan": 10.0}
+#: Types and topics with a message for each period of simulated time: publishers are asked for few of them. More states
+#: than pictures are asked for, so that each picture has a new one however the two are timed.
+_PACED = {"/clock": 45.0, "/gazebo/link_states": 45.0, "sensor_msgs/LaserScan": 10.0}
 
 
 def kind_of(topic: str, kind: str) -> bool:
