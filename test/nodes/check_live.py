@@ -75,6 +75,11 @@ class Live(LiveChanges):
             wait_until(lambda: "paused" not in one.status(), "a page without \"paused\"")
             self.assertEqual(phone.errors(), [])
 
+    def test_nodes_frames_and_parameters_are_listed(self):
+        self.page.unfold("Nodes, frames, parameters")
+        for text in ("publishes /clock", "link_chassis", "max_update_rate = "):
+            wait_until(lambda: text in self.page.text(), text + " in the lists")
+
     def test_an_audience_can_only_watch(self):
         with live("__name:=audience", "_control:=false") as audience:
             address = address_of(audience)

@@ -166,6 +166,10 @@ class Frames:
         """Return the names of all frames that have a parent."""
         return list(self._parents)
 
+    def parents(self) -> Dict[str, str]:
+        """Return the parent of each frame that has one."""
+        return {child: parent for child, (parent, _) in list(self._parents.items())}
+
     def root_chain(self, frame: str) -> List[Tuple[str, NDArray[np.float64]]]:
         """Return [(frame, root_from_frame seen from it)] from a frame up to its root, itself first."""
         frame, matrix = frame.lstrip("/"), np.eye(4)

@@ -16,6 +16,7 @@ import rosgraph
 import rospkg
 import rospy
 
+from m2wr_live.ros.graph import read_overview
 from m2wr_live.ros.inbox import Inbox
 from m2wr_live.ros.simulation import Driver, Simulation
 from m2wr_live.scene.live_scene import LiveScene
@@ -32,6 +33,7 @@ IDLE_RATE = 5.0             # and while none is open, so that trails are complet
 _STATUS = 0.25              # s between two measurements for the status
 _IDLE_STATUS = 1.0          # and while no page is open, so that plots have the last minute
 _LOOK = 2.0                 # s between two looks for new topics
+_LISTS = 3.0                # s between two looks for nodes, frames and parameters
 _MOST_COMPLAINTS = 20       # different errors that are logged
 _REST = 0.002               # s after a picture in which other threads run in any case
 _DRAGS = 0.05               # s between two moves of a dragged model
@@ -121,7 +123,7 @@ class Live:
     def run(self) -> None:
         """Draw until ROS ends."""
         rospy.on_shutdown(self._stopping.set)
-        loops = [(_LOOK, self._look), (_DRAGS, self._drag), (_WATCH, self._driver.watch)]
+        loops = [(_LOOK, self._look), (_LISTS, self._list), (_DRAGS, self._drag), (_WATCH, self._driver.watch)]
         if self._actions is not None:
             loops.append((_STATUS, self._actions.recorder.watch))
         for loop in loops:      # a thread each: a robot must stop in time while a service or the recorder is waited for
@@ -187,6 +189,11 @@ class Live:
             self._driver.find(rospy.get_name())
         if self._actions is not None and (self._pages.server.pages or self._actions.factor() is None):
             self._actions.ask_settings()
+
+    def _list(self) -> None:
+        """Look for nodes, frames and parameters, if a page is there to show them."""
+        if self._pages.server.pages:
+            self._pages.sections = read_overview(rospy.get_name(), self._scene.frames.parents())
 
     def _take_description(self, name: str) -> None:
         text = rospy.get_param(name, "")

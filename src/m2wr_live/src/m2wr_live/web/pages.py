@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
 import numpy as np
 
+from m2wr_live.scene import overview
 from m2wr_live.scene.series import RealTimeFactor, Series, contacts_of
 from m2wr_live.scene.tables import html_of
 from m2wr_live.web.panel import Panel
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("m2wr_live")
 
+LISTS = "Nodes, frames, parameters"
 _PROBLEMS = 3               # lines of the status
 _PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
 
@@ -51,6 +53,7 @@ class Pages:
         self._shown_tables: List[Any] = []
         self._error = ""
         self.problems: List[str] = []       # what is not shown, and why
+        self.sections: List[overview.Section] = []
         self.viser.gui.configure_theme(show_logo=False, show_share_button=False)
         self.viser.gui.set_panel_label("m2wr live view")
         self._make_shared_panel()
@@ -68,6 +71,9 @@ class Pages:
         self._table_folder = gui.add_folder("Paths to choose from", order=5, visible=False)
         with self._table_folder:
             self._table = gui.add_html("")
+        self._lists_folder = gui.add_folder(LISTS, order=21, expand_by_default=False, visible=False)
+        with self._lists_folder:
+            self._lists = gui.add_html("")
 
     # ---- pages -------------------------------------------------------------------------------------------------
 
@@ -131,6 +137,7 @@ class Pages:
                 if known.any():
                     plot.data = (columns[0][known], columns[row][known])
         self._show_table()
+        self._show_lists()
         for panel in self.panels:
             panel.show_speed()
         clearance = self._series.clearance
@@ -159,3 +166,10 @@ class Pages:
             self._shown_tables = tables
             self._table.content = "".join(map(html_of, tables))
             self._table_folder.visible = bool(tables)
+
+    def _show_lists(self) -> None:
+        """Show nodes, frames and parameters, if they have changed."""
+        text = overview.html_of(self.sections)
+        if text != self._lists.content:
+            self._lists.content = text
+            self._lists_folder.visible = bool(text)
