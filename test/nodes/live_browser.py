@@ -6,7 +6,7 @@ import io
 import numpy as np
 from PIL import Image
 from selenium import webdriver
-from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
+from selenium.common import exceptions
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
@@ -34,6 +34,7 @@ class Page:
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
         self.driver.set_page_load_timeout(_START)
+        self.driver.set_script_timeout(_START)
         self.address = address
 
     def __enter__(self):
@@ -72,6 +73,10 @@ class Page:
         return self.driver.execute_script(
             "const found = document.getElementById('m2wr-status'); return found ? found.textContent : ''")
 
+    def text(self):
+        """Return all text of the page, also what is folded."""
+        return self.driver.execute_script("return document.body.textContent")
+
     def panel_height(self):
         """Return how much of the content of the panel is shown [pixels]; 0: the panel is closed."""
         return float(self.driver.execute_script(
@@ -95,10 +100,17 @@ class Page:
 
     def scene(self):
         """Return the pixels (rows, columns, 3) of the left part of the page, without panel, joystick and status."""
-        with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as picture:
+        with Image.open(io.BytesIO(wait_until(self._screenshot, "a screenshot", _START))) as picture:
             pixels = np.asarray(picture.convert("RGB")).repeat(_SCALE, axis=0).repeat(_SCALE, axis=1)
         rows, columns = pixels.shape[:2]
         return pixels[:int(0.7 * rows), :int(0.6 * columns)]
+
+    def _screenshot(self):
+        """Return the page as PNG, or None: chromedriver gives up after 10 s, which a busy machine may need."""
+        try:
+            return self.driver.get_screenshot_as_png()
+        except exceptions.TimeoutException:
+            return None
 
     def press(self, key, down):
         """Press or release a key of the keyboard, by its name in JavaScript."""
@@ -168,7 +180,7 @@ class Page:
                 if found:
                     found[0].click()
                 return found
-            except (StaleElementReferenceException, ElementNotInteractableException):
+            except (exceptions.StaleElementReferenceException, exceptions.ElementNotInteractableException):
                 return None
         wait_until(click, "%s with %s" % (kind, content), patience)
 

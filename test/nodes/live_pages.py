@@ -13,11 +13,13 @@ import zstandard
 from websockets.sync.client import connect
 
 from live_browser import Page
+from m2wr_live.web.layers import LAYERS
 from sim_probe import PATIENCE, Running, Simulation, program, wait_until, xyz
 
 CRATE = """<sdf version="1.6"><model name="crate"><static>1</static><link name="link"><collision name="c"><geometry>
 <box><size>1 1 1</size></box></geometry></collision><visual name="v"><geometry><box><size>1 1 1</size></box></geometry>
 <material><diffuse>0 0.8 0 1</diffuse></material></visual></link></model></sdf>"""
+LAST = LAYERS[-1][0]
 CLICK = 15.0        # s after which a click is repeated
 ADDRESS = re.compile(r"live view: (http://\S+)")
 
@@ -53,6 +55,7 @@ class RawPage:
     def __init__(self, address):
         self._socket = connect(address.replace("http", "ws", 1), subprotocols=["viser-v" + viser.__version__],
                                max_size=None)
+        self._waiting = []                  # messages of the newest window that were not looked at
 
     def __enter__(self):
         return self
@@ -64,12 +67,14 @@ class RawPage:
         """Return the first message that fits."""
         deadline = time.monotonic() + PATIENCE
         while True:
+            while self._waiting:
+                message = self._waiting.pop(0)
+                if condition(message):
+                    return message
             data = self._socket.recv(max(0.0, deadline - time.monotonic()))
             size = int.from_bytes(data[8:16], "little")
             text = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16:16 + size]))
-            for message in text["messages"]:
-                if condition(message):
-                    return message
+            self._waiting = text["messages"]
             if time.monotonic() > deadline:
                 raise AssertionError("waited for " + what)
 
@@ -82,6 +87,8 @@ class RawPage:
                    image_height=700, image_width=900, look_at=[0, 0, 0], up_direction=[0, 0, 1])
         found = self._next(lambda message: message["type"] == "GuiDropdownMessage"
                            and option in message["props"]["options"], "the list with " + option)
+        self._next(lambda message: message["type"] == "GuiCheckboxMessage" and message["props"]["label"] == LAST,
+                   "the last control of the panel; clicks before it are not answered")
         self._send("GuiUpdateMessage", uuid=found["uuid"], updates={"value": option})
 
     def click(self, origin, direction):
