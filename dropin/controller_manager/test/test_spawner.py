@@ -107,3 +107,11 @@ def test_command_that_fails_ends_with_1(calls, capsys):
     calls.refused.add("switch_controller")
     assert command.main(["start", "arm"]) == 1
     assert "Error when starting ['arm']" in capsys.readouterr().out
+
+
+def test_command_without_a_master_says_so(calls, capsys, monkeypatch):
+    def init_node(*values, **more):
+        raise rospy.exceptions.ROSInitException("Failed to initialize time")
+    monkeypatch.setattr(rospy, "init_node", init_node)
+    assert command.main(["list"]) == 1
+    assert "Failed to initialize time. Is there a master" in capsys.readouterr().err

@@ -27,11 +27,11 @@ def main(words: Optional[List[str]] = None) -> int:
     reload = commands.add_parser("reload-libraries", help="unload all controllers")
     reload.add_argument("--restore", action="store_true", help="load and start them again")
     arguments = parser.parse_args(words)
-    rospy.init_node("controller_manager_command", anonymous=True, disable_rosout=True)
     try:
+        rospy.init_node("controller_manager_command", anonymous=True, disable_rosout=True)
         return 0 if _run(arguments) else 1
     except (rospy.ROSException, rospy.ServiceException) as error:
-        print("controller_manager: %s. Is there a robot with libgazebo_ros_control.so in this namespace, %s?"
+        print("controller_manager: %s. Is there a master, and a robot with libgazebo_ros_control.so in this namespace, %s?"
               % (error, rospy.get_namespace()), file=sys.stderr)
         return 1
 
