@@ -31,8 +31,8 @@ def main(words: Optional[List[str]] = None) -> int:
         rospy.init_node("controller_manager_command", anonymous=True, disable_rosout=True)
         return 0 if _run(arguments) else 1
     except (rospy.ROSException, rospy.ServiceException) as error:
-        print("controller_manager: %s. Is there a master, and a robot with libgazebo_ros_control.so in this namespace, %s?"
-              % (error, rospy.get_namespace()), file=sys.stderr)
+        print("controller_manager: %s. Is there a master, and a robot with libgazebo_ros_control.so in this namespace, "
+              "%s?" % (error, rospy.get_namespace()), file=sys.stderr)
         return 1
 
 
