@@ -2,7 +2,7 @@
 """A study gives the same runs, with the same keys and seeds, in every process."""
 import pytest
 
-from m2wr_campaign.study.expansion import all_tasks, with_noise
+from m2wr_campaign.study.expansion import all_tasks, balanced, with_noise
 from m2wr_campaign.study.fields import StudyError
 from m2wr_campaign.study.study_file import read_study
 from m2wr_sim.api import read_robot
@@ -35,6 +35,15 @@ def test_a_run_keeps_its_key_when_factors_are_added(tmp_path):
     before = {task.key for task in tasks(tmp_path, TEXT.format(3))}
     more = TEXT.format(3).replace("bug2, dwa", "bug1, bug2, dwa").replace("count: 2", "count: 3")
     assert before < {task.key for task in tasks(tmp_path, more.replace("repeats: 2", "repeats: 3"))}
+
+
+def test_the_first_runs_are_a_smaller_study_with_all_kinds_of_worlds_and_methods(tmp_path):
+    order = balanced(tasks(tmp_path, TEXT.format(3) + "robots: [m2wr]\n"))
+    assert [(task.repeat, task.world.number) for task in order] == sorted(
+        (task.repeat, task.world.number) for task in order)
+    first = order[:2 * 2 * 2]                               # kinds, methods, noise
+    assert {(task.world.kind, task.method.name, task.noise) for task in first} == {
+        (kind, method, noise) for kind in ("file", "maze") for method in ("bug2", "dwa") for noise in (0.0, 0.02)}
 
 
 def test_worlds_that_were_generated_are_not_made_again(tmp_path, monkeypatch):

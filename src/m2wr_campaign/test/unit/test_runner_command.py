@@ -60,7 +60,7 @@ def test_a_campaign_continues_after_kill_9(study, tmp_path, monkeypatch, capsys)
 
     def slow(task):
         (begun / "{} {}".format(task.number, os.getpid())).write_text("")
-        while task.number == 3 and not (tmp_path / "go").exists():
+        while task.number == 4 and not (tmp_path / "go").exists():
             time.sleep(0.01)
         return dict(task.factors(), key=task.key, status="done", outcome="reached", reason="", success=1, log="",
                     versions="{}")
@@ -73,7 +73,7 @@ def test_a_campaign_continues_after_kill_9(study, tmp_path, monkeypatch, capsys)
         finally:
             os._exit(1)
     until = time.monotonic() + LIMIT
-    while not any(name.startswith("3 ") for name in os.listdir(begun)) and time.monotonic() < until:
+    while not any(name.startswith("4 ") for name in os.listdir(begun)) and time.monotonic() < until:
         time.sleep(0.01)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -81,7 +81,7 @@ def test_a_campaign_continues_after_kill_9(study, tmp_path, monkeypatch, capsys)
     (tmp_path / "go").write_text("")
     assert command.main([str(study), "--workers", "2"]) == 0
     assert len(stored()) == 6 and "6 of 6 runs are in" in capsys.readouterr().out
-    assert sorted(int(name.split()[0]) for name in os.listdir(begun)) == [0, 1, 2, 3, 3, 4, 5]
+    assert sorted(int(name.split()[0]) for name in os.listdir(begun)) == [0, 1, 2, 3, 4, 4, 5]
     monkeypatch.setattr(command, "Pool", lambda *given: pytest.fail("it ran again"))
     monkeypatch.setattr(command, "compile_kernels", lambda: pytest.fail("it compiled"))
     assert command.main([str(study)]) == 0

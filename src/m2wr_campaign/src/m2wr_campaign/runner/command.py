@@ -16,7 +16,7 @@ from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versio
 from m2wr_campaign.runner.pool import Pool
 from m2wr_campaign.runner.progress import CampaignProgress
 from m2wr_campaign.store.result_file import ResultFile, StoreError
-from m2wr_campaign.study.expansion import all_tasks
+from m2wr_campaign.study.expansion import all_tasks, balanced
 from m2wr_campaign.study.fields import StudyError
 from m2wr_campaign.study.study_file import read_study
 from m2wr_navigation.kernel_warm_up import compile_kernels
@@ -77,7 +77,7 @@ def _run(study: Study, path: str, results: ResultFile, options: argparse.Namespa
     results.add_worlds({task.world.key: task.world for task in tasks}.values())
     results.begin(study.name, text, [task.key for task in tasks])
     known = results.finished()
-    left = [task for task in tasks if task.key not in known]
+    left = balanced([task for task in tasks if task.key not in known])
     progress = CampaignProgress(len(tasks), len(tasks) - len(left), sys.stdout, time.monotonic)
     code = 0
     try:

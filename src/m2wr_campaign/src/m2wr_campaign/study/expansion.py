@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Dict, Iterator, List, Optional
+from typing import TYPE_CHECKING, Callable, Dict, Iterator, List, Optional, Sequence
 
 from m2wr_campaign.study.factors import RunTask, StudyRobot, StudyWorld, key_of
 from m2wr_campaign.study.fields import StudyError
@@ -72,6 +72,18 @@ def all_tasks(study: Study, kept: Kept = lambda recipe: None) -> List[RunTask]:
             raise StudyError("{}: worlds or robots: {} with {} occurs twice; expected each once".format(
                 study.file, task.world.label, task.robot.label))
     return list(found.values())
+
+
+def balanced(tasks: Sequence[RunTask]) -> List[RunTask]:
+    """Return runs in an order in which a part of them is a smaller study: all methods in the first world of each kind.
+
+    The second worlds of each kind follow, and so on; further repeats come after all worlds.
+
+    Parameters
+    ----------
+    tasks : sequence of RunTask
+    """
+    return sorted(tasks, key=lambda task: (task.repeat, task.world.number, task.number))
 
 
 def recipe_of(study: Study, entry: WorldEntry, index: int, radius: float) -> str:

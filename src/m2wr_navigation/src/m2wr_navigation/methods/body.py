@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
@@ -55,13 +56,15 @@ class RobotBody:
         along = np.roll(corners, -1, axis=0) - corners
         return float(np.min((along[:, 1] * corners[:, 0] - along[:, 0] * corners[:, 1]) / np.hypot(*along.T)))
 
-    @property
+    @cached_property
     def hull(self) -> FloatArray:
         """Corners (N, 2) of the robot's convex hull, counter-clockwise [m]."""
         rim = np.stack([np.cos(ROUND), np.sin(ROUND)], -1)
         parts = [(part.vertices[:, None] + part.radius * rim).reshape(-1, 2) if part.radius else part.vertices
                  for part in self.footprint]
-        return convex_hull(np.concatenate(parts))
+        found = convex_hull(np.concatenate(parts))
+        found.flags.writeable = False
+        return found
 
     def axle(self, pose: Vector) -> Tuple[float, float]:
         """Return x, y of the axle [m].

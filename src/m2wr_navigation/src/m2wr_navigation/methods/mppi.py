@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 KNOTS = 8                               # of a disturbance: it changes in 0.4 s, as a robot does
 SPEEDS, RATES = 6, 21                   # of the arcs: constant commands among the samples
+GOAL_MARGIN = 0.5                       # m: a goal so far beyond the horizon's end is not looked for
 SLICES = 3                              # of the outline, across; each has discs of about the same width
 
 
@@ -59,16 +60,18 @@ class Mppi(Method):
         self._map = LocalMap(body, values["map_side"], values["map_resolution"], values["map_sight"],
                              max(body.turning_radius, self._discs[0, 2]) + values["near"])
 
-    def _settings(self) -> mppi_kernels.RolloutSettings:
+    def _settings(self, away: float) -> mppi_kernels.RolloutSettings:
+        """Return what does not change in a cycle in which the goal is so far away [m]."""
         values, step = self.values, self.values["step"]
+        reach = values["horizon"] * step * values["max_vel_x"] + values["goal_tolerance"] + GOAL_MARGIN
         return mppi_kernels.RolloutSettings(
             step, values["min_vel_x"], values["max_vel_x"], values["max_vel_theta"], step * values["acc_lim_x"],
             step * values["acc_lim_theta"], values["acc_lim_y"], values["deviation_x"] * values["max_vel_x"],
             values["deviation_theta"] * values["max_vel_theta"], values["margin"], values["near"],
-            values["near_weight"], 0.02, 1.0, values["gamma"], 0.5 * values["goal_tolerance"])
+            values["near_weight"], 0.02, 1.0, values["gamma"], 0.5 * values["goal_tolerance"] if away <= reach else 0.0)
 
     def decide(self, view: View) -> Decision:
-        values, settings = self.values, self._settings()
+        values, settings = self.values, self._settings(view.goal_distance)
         if len(self._nominal) != values["horizon"]:
             self._nominal = np.zeros((values["horizon"], 2))
         self._map.look(view.sensing)

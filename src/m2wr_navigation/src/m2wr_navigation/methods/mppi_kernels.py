@@ -37,7 +37,7 @@ class RolloutSettings(NamedTuple):
     gamma : float
         Weight of the cost of the commands themselves.
     tolerance : float
-        Distance to the goal at which it is reached [m].
+        Distance to the goal at which it is reached [m]; 0: it is out of reach.
     """
 
     step: float
@@ -198,7 +198,7 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
         total += settings.gamma * settings.step * (
             nominal[t, 0] * (to_v - nominal[t, 0]) / settings.deviation_v ** 2
             + nominal[t, 1] * (to_w - nominal[t, 1]) / settings.deviation_w ** 2)
-        if sample(to_goal, corner, x, y, 2.0) < settings.tolerance:
+        if settings.tolerance > 0.0 and sample(to_goal, corner, x, y, 2.0) < settings.tolerance:
             return total
     return total + sample(to_goal, corner, x, y, 2.0) / settings.most_v
 
