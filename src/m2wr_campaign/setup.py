@@ -4,6 +4,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=['m2wr_campaign'] + ['m2wr_campaign.' + layer for layer in (
-        'report', 'runner', 'store', 'study', 'worlds')],
+        'grading', 'programs', 'report', 'runner', 'store', 'study', 'worlds')],
     package_dir={'': 'src'},
 ))

@@ -9,7 +9,7 @@ import sys
 import time
 from contextlib import closing
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, List, Optional, Union
+from typing import TYPE_CHECKING, List, Optional, Tuple, Union
 
 from m2wr_campaign.runner.cluster import Cluster, ClusterError
 from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versions
@@ -61,18 +61,34 @@ def main(argv: Optional[List[str]] = None) -> int:
             tasks = all_tasks(study)
             print("{}: {} runs in {} worlds".format(study.name, len(tasks), len({task.world.key for task in tasks})))
             return 0
+        with open(options.study, encoding="utf-8") as file:
+            text = file.read()
         with ResultFile(out, writing=True) as results:
-            return _run(study, options.study, results, options)
+            return run_study(study, text, results, options.workers, options.scheduler)
     except (StudyError, StoreError, ClusterError) as error:
         print("run: {}".format(error), file=sys.stderr)
         return 1
 
 
-def _run(study: Study, path: str, results: ResultFile, options: argparse.Namespace) -> int:
-    """Run what is not stored yet; return the exit code."""
+def run_study(study: Study, text: str, results: ResultFile, workers: int, scheduler: str = "") -> int:
+    """Run what is not stored yet; return the exit code.
+
+    Parameters
+    ----------
+    study : Study
+    text : str
+        Of its file.
+    results : ResultFile
+    workers : int
+        Processes of this machine.
+    scheduler : str, optional
+        Address of a cluster, which is used instead.
+
+    Returns
+    -------
+    int
+    """
     tasks = all_tasks(study, results.generated)
-    with open(path, encoding="utf-8") as file:
-        text = file.read()
     versions()                          # read once, before the processes are forked
     results.add_worlds({task.world.key: task.world for task in tasks}.values())
     results.begin(study.name, text, [task.key for task in tasks])
@@ -81,7 +97,7 @@ def _run(study: Study, path: str, results: ResultFile, options: argparse.Namespa
     progress = CampaignProgress(len(tasks), len(tasks) - len(left), sys.stdout, time.monotonic)
     code = 0
     try:
-        _store_all(left, study.time_limit, results, options, progress)
+        _store_all(left, study.time_limit, results, (workers, scheduler), progress)
     except KeyboardInterrupt:
         code = INTERRUPTED
     stored = len(results.finished() & {task.key for task in tasks})
@@ -91,15 +107,16 @@ def _run(study: Study, path: str, results: ResultFile, options: argparse.Namespa
 
 
 def _store_all(tasks: List[RunTask], time_limit: float, results: ResultFile,
-               options: argparse.Namespace, progress: CampaignProgress) -> None:
+               by: Tuple[int, str], progress: CampaignProgress) -> None:
     if not tasks:
         return
     pool: Union[Pool[RunTask], Cluster]
-    if options.scheduler:
-        pool = Cluster(options.scheduler, row_of_failure, lambda told: print("\nrun: " + told, file=sys.stderr))
+    workers, scheduler = by
+    if scheduler:
+        pool = Cluster(scheduler, row_of_failure, lambda told: print("\nrun: " + told, file=sys.stderr))
     else:
         compile_kernels()               # once, before the processes are forked
-        pool = Pool(perform, row_of_failure, options.workers)
+        pool = Pool(perform, row_of_failure, workers)
     with closing(pool.rows(tasks, time_limit)) as rows:
         for row in rows:
             results.add(dict(row, finished=datetime.now(timezone.utc).isoformat(timespec="seconds")))

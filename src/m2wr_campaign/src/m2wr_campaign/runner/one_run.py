@@ -11,11 +11,12 @@ import traceback
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple
 
 import numba
 import numpy as np
 
+from m2wr_campaign.programs.examination import ExaminerLost, examined
 from m2wr_campaign.store.result_file import packed_path
 from m2wr_campaign.study.expansion import with_noise
 from m2wr_navigation.compare.comparison import Comparison
@@ -122,11 +123,31 @@ def perform(task: RunTask) -> Dict[str, Any]:
     ----------
     task : RunTask
     """
+    if task.method.program is None:
+        return perform_here(task)
+    if task.method.program.problem:
+        return row_of_failure(task, task.method.program.problem, "", 0.0)
+    wall = time.monotonic()
+    try:
+        return examined(task)
+    except ExaminerLost as error:
+        return row_of_failure(task, str(error), "", time.monotonic() - wall)
+
+
+def perform_here(task: RunTask, decide_with: Optional[Callable[[], Decide]] = None) -> Dict[str, Any]:
+    """Return the row of a run in this process.
+
+    Parameters
+    ----------
+    task : RunTask
+    decide_with : callable, optional
+        Starts the program of a method that is none of this workspace, and returns its decisions.
+    """
     wall, cpu = time.monotonic(), time.process_time()
     row = dict(task.factors(), key=task.key, status=DONE, log="", versions=versions())
     poses: List[Tuple[float, float, float]] = []
     try:
-        row.update(_measured(task, poses))
+        row.update(_measured(task, poses, decide_with))
     except (RunError, SimError, NoShortestPathError, ValueError) as error:
         row.update(failed(str(error)))
     except Exception as error:                  # a method of a user may raise anything
@@ -163,10 +184,14 @@ def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[st
     return dict(task.factors(), key=task.key, versions=versions(), wall=wall, **failed(reason, log))
 
 
-def _measured(task: RunTask, poses: List[Tuple[float, float, float]]) -> Dict[str, Any]:
+def _measured(task: RunTask, poses: List[Tuple[float, float, float]],
+              decide_with: Optional[Callable[[], Decide]]) -> Dict[str, Any]:
     place = _place(task)
-    entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters),
-                                   lambda decide: finite(decide, poses))
+    if decide_with is not None:
+        entry = place.comparison.decided(task.method.name, finite(decide_with(), poses), task.seed)
+    else:
+        entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters),
+                                       lambda decide: finite(decide, poses))
     found: Dict[str, Any] = dict(place.measures)
     found.update((name, getattr(entry, name)) for name in (
         "outcome", "reason", "length", "ratio", "time", "clearance", "contacts", "cpu_ms"))

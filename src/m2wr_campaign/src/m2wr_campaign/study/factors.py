@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple, Union
 
 if TYPE_CHECKING:
+    from m2wr_campaign.study.programs import Program
     from m2wr_navigation.compare.drive import Robot
     from m2wr_sim.model.types import World
 
@@ -88,10 +90,13 @@ class StudyMethod:
         As in ``m2wr_navigation.compare.comparison.NAMES``.
     parameters : tuple of (str, object)
         Those that differ from the defaults.
+    program : Program, optional
+        A ROS program under test; None: a planner or method of this workspace.
     """
 
     name: str
     parameters: Values = ()
+    program: Optional[Program] = None
 
     @property
     def label(self) -> str:
@@ -138,8 +143,10 @@ class RunTask:
     @property
     def key(self) -> str:
         """What makes it the same run."""
+        program = self.method.program
         return key_of(self.study_seed, self.world.key, self.robot.key, self.method.name, list(self.method.parameters),
-                      self.noise, self.repeat, self.limit)
+                      self.noise, self.repeat, self.limit,
+                      *([] if program is None else [program.digest, os.path.relpath(program.path, program.folder)]))
 
     @property
     def seed(self) -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from m2wr_campaign.study.factors import StudyMethod
 from m2wr_campaign.study.fields import Fields, StudyError, load
+from m2wr_campaign.study.programs import ProgramError, read_program
 from m2wr_campaign.worlds.generators import GENERATORS
 from m2wr_navigation import registry
 from m2wr_navigation.compare.comparison import NAMES
@@ -109,12 +110,18 @@ class Study:
             * self.repeats
 
 
-def read_study(path: str) -> Study:
+def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> Study:
     """Read a study file.
 
     Parameters
     ----------
     path : str
+    methods : tuple of StudyMethod, optional
+        Of an examination, whose file has none.
+
+    Returns
+    -------
+    Study
 
     Raises
     ------
@@ -134,7 +141,7 @@ def read_study(path: str) -> Study:
         tuple(entry for k, value in enumerate(fields.entries("worlds", expected="a list of worlds"))
               for entry in _worlds(fields.entry("worlds", k, value), folder)),
         tuple(_robot(fields, k, value, folder) for k, value in enumerate(fields.entries("robots", ["m2wr"]))),
-        _methods(fields), tuple(map(float, noise)))
+        _methods(fields, folder) if methods is None else methods, tuple(map(float, noise)))
     fields.end()
     if study.count > MOST_RUNS:
         raise StudyError("{}: {} runs; expected at most {}".format(fields.file, study.count, MOST_RUNS))
@@ -197,13 +204,16 @@ def _robot(fields: Fields, index: int, value: object, folder: str) -> RobotEntry
     return entry
 
 
-def _methods(fields: Fields) -> Tuple[StudyMethod, ...]:
+def _methods(fields: Fields, folder: str) -> Tuple[StudyMethod, ...]:
     found: List[StudyMethod] = []
     for k, value in enumerate(fields.entries("methods", expected="a list of methods")):
         if value == "all":
             found += [StudyMethod(name) for name in NAMES]
             continue
         inner = fields.entry("methods", k, {"name": value} if isinstance(value, str) else value)
+        if "launch" in inner:
+            found += _programs(inner, folder)
+            continue
         name = inner.text("name", choices=list(NAMES) + ["all"])
         table = registry.METHODS if name in registry.METHODS else registry.PLANNERS
         found += [StudyMethod(name, chosen)
@@ -213,3 +223,29 @@ def _methods(fields: Fields) -> Tuple[StudyMethod, ...]:
         if method in found[:k]:
             raise StudyError(fields.problem("methods", method.label, "each method once"))
     return tuple(found)
+
+
+def _programs(fields: Fields, folder: str) -> List[StudyMethod]:
+    """Return a ROS program as methods, one for each combination of its arguments."""
+    path = fields.text("launch")
+    arguments, axes = fields.below("arguments"), []
+    for name in sorted(arguments.keys()):
+        values = arguments.entries(name)
+        if not all(isinstance(value, (str, int, float)) for value in values):
+            raise StudyError(arguments.problem(name, values, "texts, numbers, true or false"))
+        axes.append([(name, value) for value in values])
+    try:
+        made = read_program(os.path.join(folder, path))
+    except (ProgramError, OSError) as error:
+        raise StudyError(fields.problem("launch", path, str(error))) from None
+    label = fields.text("name", os.path.basename(made.folder))
+    fields.end()
+    if label in NAMES:
+        raise StudyError(fields.problem("name", label, "a name that no planner or method of this workspace has"))
+    return [StudyMethod(label, chosen, replace(made, arguments=tuple((name, _as_argument(value))
+                                                                     for name, value in chosen)))
+            for chosen in itertools.product(*axes)]
+
+
+def _as_argument(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -41,7 +41,7 @@ class Entry:
     ----------
     name : str
     kind : str
-        ``planner``, with the true map, or ``method``, without a map.
+        ``planner``, with the true map, ``method``, without a map, or ``program``, which is not ours.
     outcome, reason : str
     path : (N, 2) float64
         Of the axle [m].
@@ -156,6 +156,20 @@ class Comparison:
         if name in registry.METHODS:
             return self._method(name, seed, parameters, around)
         return self._planner(name, seed, parameters, around)
+
+    def decided(self, name: str, decide: Decide, seed: int) -> Entry:
+        """Return what a robot did whose commands come from elsewhere, such as from a ROS program.
+
+        Parameters
+        ----------
+        name : str
+        decide : callable
+            Gives a decision for the result of each step.
+        seed : int
+            Of the noise of the sensors.
+        """
+        run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
+        return self._entry(name, "program", run, run.cpu_ms)
 
     def _method(self, name: str, seed: int, parameters: Mapping[str, Any],
                 around: Callable[[Decide], Decide]) -> Entry:

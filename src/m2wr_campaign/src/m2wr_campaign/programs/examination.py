@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A run of a ROS program, seen from the process that has the task: an examiner of its own does it."""
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from multiprocessing import Pipe
+from typing import TYPE_CHECKING, Any, Dict
+
+from m2wr_campaign.programs.warden import end_all
+
+if TYPE_CHECKING:
+    from m2wr_campaign.study.factors import RunTask
+
+EXAMINER = "m2wr_campaign.programs.examiner"
+
+
+class ExaminerLost(Exception):
+    """The examiner ended without an answer."""
+
+
+def examined(task: RunTask) -> Dict[str, Any]:
+    """Return the row of a run of a program.
+
+    Parameters
+    ----------
+    task : RunTask
+
+    Raises
+    ------
+    ExaminerLost
+        With how it ended; what it wrote is on standard error.
+    """
+    pipe, far = Pipe()
+    with far:
+        process = subprocess.Popen([sys.executable, "-m", EXAMINER, str(os.getpid()), str(far.fileno())],
+                                   stdin=subprocess.DEVNULL, pass_fds=[far.fileno()])
+    try:
+        pipe.send(task)
+        row: Dict[str, Any] = pipe.recv()
+        return row
+    except (EOFError, OSError):
+        raise ExaminerLost("the examiner of the program ended with exit code {}".format(process.wait())) from None
+    finally:
+        if process.poll() is None:
+            end_all(process.pid)
+        process.kill()
+        process.wait()
+        pipe.close()
