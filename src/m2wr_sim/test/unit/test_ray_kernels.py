@@ -41,7 +41,7 @@ def cast(scene, position, orientation, fan, range_min=0.1, range_max=10.0, kerne
     results = []
     for size in (0, beams.shape[1] * rows.shape[0]):
         ranges, hits = np.empty(beams.shape[1] * rows.shape[0]), np.empty(size, np.int64)
-        kernel(ranges, hits, beams, rows, frame, scene.spheres, scene.shapes, np.empty((2, scene.capacity), np.int32))
+        kernel(ranges, hits, beams, rows, frame, scene.spheres, scene.shapes, scene.order, np.empty(0, np.int32))
         ranges[ranges >= range_max] = np.inf
         results.append(ranges)
     np.testing.assert_allclose(results[0], results[1], rtol=0.0, atol=1e-12)     # asking for hits changes nothing
@@ -303,7 +303,7 @@ def test_half_a_turn_of_beams_looks_at_nothing_behind(samples):
     frame[6], frame[7:13] = 1.0, (0.1, 10.0, least, step, scene.count, -1)
     order = np.empty((2, scene.capacity), np.int32)
     found = kernels.cast_rays(np.empty(samples), np.empty(0, np.int64), beams, np.array([[1.0, 0.0]]), frame,
-                              scene.spheres, scene.shapes, order)
+                              scene.spheres, scene.shapes, order, np.empty(0, np.int32))
     assert sorted(order[0, :found]) == [0, 3, 4]
 
 

@@ -8,6 +8,7 @@ import pytest
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan, Sphere
 from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.sensors import laser as laser_module
 from m2wr_sim.sensors import packed_kernels
 from m2wr_sim.sensors.laser import LaserSensor, warm_up
 from m2wr_sim.sensors.ray_scene import RayScene
@@ -299,3 +300,31 @@ def test_more_readings_than_a_sensor_may_have_are_named(samples, resolution):
     ray, = [sensor.ray for link in model.links for sensor in link.sensors]
     assert LaserSensor(ray, np.random.default_rng(0)).count == RayScan().samples
     assert any("at most 1000000 readings" in str(note) for note in model.notes + model.remarks)
+
+
+def test_a_list_of_near_shapes_changes_no_reading(monkeypatch):
+    rng = np.random.default_rng(4)
+    scene = RayScene(4)
+    scene.add(Plane((0.0, 0.0, 1.0)), ORIGIN, "ground")
+    for k, (x, y, size) in enumerate(rng.uniform((-60.0, -60.0, 0.1), (60.0, 60.0, 1.0), (700, 3)).tolist()):
+        scene.add(Box((size, size, 1.0)) if k % 2 else Cylinder(size, 1.0), ((x, y, 0.5), UPRIGHT), k)
+    mover = scene.add(Sphere(0.4), ((1.5, 0.0, 0.5), UPRIGHT), "mover")
+    scene.mark_moving([mover])
+    listing, plain = laser(), laser()
+    lists = []
+    list_near = laser_module.listing_kernels.list_near
+    monkeypatch.setattr(laser_module.listing_kernels, "list_near", lambda *given: lists.append(1) or list_near(*given))
+    for k in range(60):
+        place = ((0.5 * k - 15.0, 0.1 * k, 0.3), quaternion_from_rpy(0.0, 0.0, 0.3 * k))
+        ahead = np.array([[place[0][0] + 2.0, place[0][1], 0.5, 0.0, 0.0, 0.0, 1.0]])
+        scene.mover(np.array([mover]), ahead)()
+        if k == 30:
+            scene.remove_owner(11)
+            scene.add(Box((2.0, 2.0, 2.0)), ((place[0][0], place[0][1] + 3.0, 1.0), UPRIGHT), "new")
+        if k == 40:
+            scene.set_pose(scene.rows_of("new")[0], (place[0][0], place[0][1] - 3.0, 1.0), UPRIGHT)
+        with monkeypatch.context() as all_shapes:
+            all_shapes.setattr(laser_module, "_FEW_SHAPES", 10 ** 6)
+            expected = plain.cast(scene, place)[0].copy()
+        assert listing.cast(scene, place)[0].tobytes() == expected.tobytes()
+    assert 10 < len(lists) < 25         # after each 2 m, and after what changed

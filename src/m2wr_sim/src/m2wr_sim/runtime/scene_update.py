@@ -82,6 +82,8 @@ class SceneUpdate:
             elif model.record.static and not isinstance(collision.geometry, Plane):
                 resting.setdefault(link, []).append((row, link, collision.pose))
         self._moving[model.name] = moving
+        if moving:
+            self._scene.mark_moving([part[0] for part in moving])
         self._resting.update((link, SceneRows(parts)) for link, parts in resting.items())
         self._moving_rows = None
 

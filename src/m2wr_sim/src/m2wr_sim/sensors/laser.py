@@ -15,7 +15,7 @@ import numpy as np
 
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Mesh, RayScan, Sphere
-from m2wr_sim.sensors import mesh_kernels, reading_kernels
+from m2wr_sim.sensors import listing_kernels, mesh_kernels, reading_kernels
 from m2wr_sim.sensors import packed_kernels as packed
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.noise import NoiseModel
@@ -24,6 +24,8 @@ from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
 _cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
+_FEW_SHAPES = 500         # up to so many, looking at all of them in each scan is faster than keeping a list
+_MARGIN = 2.0             # m: a list of the shapes nearby serves until the sensor has moved so far
 FARTHEST_ANGLE = 1e4      # rad; beyond, the float32 of a message does not resolve a milliradian
 
 if TYPE_CHECKING:
@@ -94,7 +96,8 @@ class LaserSensor:
         self._noise = NoiseModel(ray.noise, rng, self.count * self.vertical_count, lazily=True)
         self._distances = np.empty(azimuths.size * elevations.size)
         self._hits, self._no_hits = np.empty(self._distances.size, np.int64), np.empty(0, np.int64)
-        self._order = np.empty((2, 0), np.int32)
+        self._near = np.empty(0, np.int32)      # rows of the scene to look at; empty: all
+        self._listed: Optional[Tuple[RayScene, int, float, float, float]] = None    # scene, version, place of the list
         self._ranges = np.empty(self.count * self.vertical_count, np.float32)
         self._intensities, self._lit = np.zeros_like(self._ranges), False
         self._frame = np.zeros(kernels.FRAME_SIZE)
@@ -141,6 +144,8 @@ class LaserSensor:
         self._settings[5] = self._noise.advance(self._ranges.size)
         if self._shapes is not scene.shapes:
             self._prepare(scene)
+        if scene.count > _FEW_SHAPES:
+            self._list_near(scene)
         if self._block is None or scene.has_retro or scene.forest:
             self._cast_in_steps(scene)
         else:
@@ -154,23 +159,37 @@ class LaserSensor:
     def _prepare(self, scene: RayScene) -> None:
         """Prepare for the tables of a scene, which are replaced when they grow."""
         spheres, shapes = self._spheres, self._shapes = scene.spheres, scene.shapes
-        self._order = np.empty((2, shapes.shape[0]), np.int32)
+        self._near, self._listed = self._near[:0], None
         if self._block is not None:
             address = [values.ctypes.data for values in (
                 self._distances, self._ranges, self._beams, self._rows, self._frame, spheres, shapes,
-                self._order, self._noise.normals, self._settings)]
+                scene.order, self._noise.normals, self._settings, self._near)]
             self._block[:] = (address[:3] + [self._beams.shape[1], address[3], self._rows.shape[0]] + address[4:7]
-                              + [shapes.shape[0]] + address[7:9] + [self._noise.normals.size, address[9]])
+                              + [shapes.shape[0]] + address[7:9] + [self._noise.normals.size] + address[9:] + [0])
+
+    def _list_near(self, scene: RayScene) -> None:
+        """List the shapes to look at, if the sensor or a resting shape has moved too far since the last list."""
+        x, y, z = self._frame[:3].tolist()
+        if self._listed is not None:
+            listed, version, a, b, c = self._listed
+            if listed is scene and version == scene.resting_version and (
+                    (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2 <= _MARGIN ** 2):
+                return
+        rows = np.empty(scene.count, np.int32)
+        found = listing_kernels.list_near(rows, self._frame, scene.spheres, scene.moves, _MARGIN * (1.0 + 1e-9))
+        self._near, self._listed = rows[:found].copy(), (scene, scene.resting_version, x, y, z)
+        if self._block is not None:
+            self._block[packed.S_NEAR], self._block[packed.S_NEAR_COUNT] = self._near.ctypes.data, found
 
     def _cast_in_steps(self, scene: RayScene) -> None:
         """Take a scan with separate kernels: for meshes, reflecting shapes, or readings between rays."""
         frame, hits = self._frame, self._hits if scene.has_retro else self._no_hits
         found = _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
-                           self._order)
+                           scene.order, self._near)
         if scene.forest:
             forest = scene.forest.pack()
             _cast_meshes(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
-                         self._order, found, forest.nodes, forest.triangles, forest.trees)
+                         scene.order, found, forest.nodes, forest.triangles, forest.trees)
         distances = self._distances if self._blend is None else self._blended(self._distances)
         reading_kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
 
@@ -211,6 +230,7 @@ def warm_up(rng: np.random.Generator) -> None:
     row = scene.add(Sphere(1.0), IDENTITY, "warm_up")
     scene.mover(np.array([row], np.int64), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))()
     sensor.cast(scene, IDENTITY)
+    sensor._list_near(scene)
     scene.add(Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), IDENTITY, "warm_up")
     sensor.cast(scene, IDENTITY)
 

@@ -24,7 +24,7 @@ if HAVE_NUMBA:
     from m2wr_sim.sensors.base_kernels import pointer
 
 (S_DISTANCES, S_RANGES, S_BEAMS, S_BEAM_COUNT, S_ROWS, S_ROW_COUNT, S_FRAME, S_SPHERES, S_SHAPES, S_CAPACITY, S_ORDER,
- S_NORMALS, S_NORMAL_COUNT, S_SETTINGS, SCAN_WORDS) = range(15)
+ S_NORMALS, S_NORMAL_COUNT, S_SETTINGS, S_NEAR, S_NEAR_COUNT, SCAN_WORDS) = range(17)
 (M_SPHERES, M_SHAPES, M_CAPACITY, M_ROWS, M_POSES, M_COUNT, MOVE_WORDS) = range(7)
 
 
@@ -43,7 +43,8 @@ def scan(block: NDArray[np.uint64]) -> None:
               carray(pointer(block[S_FRAME]), (FRAME_SIZE,), np.float64),
               carray(pointer(block[S_SPHERES]), (4, capacity), np.float64),
               carray(pointer(block[S_SHAPES]), (capacity, SHAPE_SIZE), np.float64),
-              carray(pointer(block[S_ORDER]), (2, capacity), np.int32))
+              carray(pointer(block[S_ORDER]), (2, capacity), np.int32),
+              carray(pointer(block[S_NEAR]), (np.int64(block[S_NEAR_COUNT]),), np.int32))
     finish_ranges(carray(pointer(block[S_RANGES]), (rows * beams,), np.float32), distances,
                   carray(pointer(block[S_NORMALS]), (np.int64(block[S_NORMAL_COUNT]),), np.float64),
                   carray(pointer(block[S_SETTINGS]), (SETTINGS_SIZE,), np.float64))

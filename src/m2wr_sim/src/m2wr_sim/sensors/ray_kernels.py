@@ -95,21 +95,33 @@ def _ahead(beams: Floats, rows: Floats, frame: Floats, sensor: Sequence[float]) 
 
 
 @kernel
-def _near_to_far(order: NDArray[np.int32], frame: Floats, spheres: Floats, ahead: Vector) -> int:
+def _near_to_far(order: NDArray[np.int32], near: NDArray[np.int32], frame: Floats, spheres: Floats,
+                 ahead: Vector) -> int:
     """Write the rows within reach, sorted by distance in ``RINGS`` classes, to ``order[0]``; return their number."""
-    count = min(int(frame[COUNT]), order.shape[1])
+    listed = near.shape[0] > 0
+    count = near.shape[0] if listed else min(int(frame[COUNT]), order.shape[1])
     x, y, z, longest = frame[0], frame[1], frame[2], frame[RANGE_MAX]
     scale = RINGS / longest
     cx, cy, cz, radius, ring = spheres[0], spheres[1], spheres[2], spheres[3], order[1]
     ax, ay, az = ahead
-    for k in range(count):
-        dx, dy, dz, reach = cx[k] - x, cy[k] - y, cz[k] - z, longest + radius[k]
-        squared = dx * dx + dy * dy + dz * dz
-        key = math.sqrt(squared) * scale
-        key = key if key < RINGS - 1.0 else RINGS - 1.0
-        seen = (squared <= reach * reach) & (dx * ax + dy * ay + dz * az >= -1.000001 * radius[k] - 1e-6)
-        key = key if seen else RINGS + 0.0      # also for NaN
-        ring[k] = int(key)
+    if listed:          # a loop of its own, as the one over all rows is vectorised
+        for k in range(count):
+            row = near[k]
+            dx, dy, dz, reach = cx[row] - x, cy[row] - y, cz[row] - z, longest + radius[row]
+            squared = dx * dx + dy * dy + dz * dz
+            key = math.sqrt(squared) * scale
+            key = key if key < RINGS - 1.0 else RINGS - 1.0
+            seen = (squared <= reach * reach) & (dx * ax + dy * ay + dz * az >= -1.000001 * radius[row] - 1e-6)
+            ring[k] = int(key) if seen else RINGS       # also for NaN
+    else:
+        for k in range(count):
+            dx, dy, dz, reach = cx[k] - x, cy[k] - y, cz[k] - z, longest + radius[k]
+            squared = dx * dx + dy * dy + dz * dz
+            key = math.sqrt(squared) * scale
+            key = key if key < RINGS - 1.0 else RINGS - 1.0
+            seen = (squared <= reach * reach) & (dx * ax + dy * ay + dz * az >= -1.000001 * radius[k] - 1e-6)
+            key = key if seen else RINGS + 0.0      # also for NaN
+            ring[k] = int(key)
     starts = np.zeros(RINGS + 2, np.int64)
     for k in range(count):
         starts[ring[k] + 1] += 1
@@ -118,7 +130,7 @@ def _near_to_far(order: NDArray[np.int32], frame: Floats, spheres: Floats, ahead
     found = starts[RINGS]
     for k in range(count):
         if ring[k] < RINGS:
-            order[0, starts[ring[k]]] = k
+            order[0, starts[ring[k]]] = near[k] if listed else k
             starts[ring[k]] += 1
     return found
 
@@ -451,7 +463,7 @@ def _hidden(ranges: Floats, rows: Floats, frame: Floats, sensor: Sequence[float]
 
 @kernel
 def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats, spheres: Floats,
-              shapes: Floats, order: NDArray[np.int32]) -> int:
+              shapes: Floats, order: NDArray[np.int32], near: NDArray[np.int32]) -> int:
     """Cast all beams; see the module for the layouts of the arrays.
 
     Parameters
@@ -464,6 +476,8 @@ def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floa
         Read only.
     order : (2, C) int32
         Written: in the first row, the shapes within reach, meshes among them, from near to far.
+    near : (n,) int32
+        Ascending rows of the shapes to look at, see :mod:`m2wr_sim.sensors.listing_kernels`; empty: all.
 
     Returns
     -------
@@ -480,7 +494,7 @@ def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floa
     scratch = np.empty(beams.shape[1] if hits.size > 0 else 0)
     q = frame[ORIENTATION:]
     sensor = rotation(q[0], q[1], q[2], q[3])
-    found = _near_to_far(order, frame, spheres, _ahead(beams, rows, frame, sensor))
+    found = _near_to_far(order, near, frame, spheres, _ahead(beams, rows, frame, sensor))
     many, n, beams_per_angle = _tests_hidden(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
     for k in range(found):
         row = order[0, k]

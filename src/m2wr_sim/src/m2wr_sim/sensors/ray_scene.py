@@ -50,10 +50,16 @@ class RayScene:
     ----------
     spheres, shapes : arrays
         The table in the layout of :mod:`m2wr_sim.sensors.ray_kernels`.  Replaced when it grows, so do not keep them.
+    order : (2, capacity) int32
+        Working memory of the ray kernels, for all sensors.  Replaced when the table grows.
+    moves : (capacity,) bool
+        The rows that :meth:`mark_moving` named.
     count : int
         Rows in use are below this number.
     version : int
         Increases with every change.
+    resting_version : int
+        Increases when a shape is added or removed, or one moves that is not in ``moves``.
     has_retro : bool
         Whether any shape has a laser_retro other than 0.
     forest : Forest
@@ -64,8 +70,9 @@ class RayScene:
         capacity = max(int(capacity), 1)
         self.spheres = np.full((4, capacity), np.nan)
         self.shapes = np.zeros((capacity, SHAPE_SIZE))
+        self.order, self.moves = np.empty((2, capacity), np.int32), np.zeros(capacity, bool)
         self.count = 0
-        self.version = 0
+        self.version = self.resting_version = 0
         self.has_retro = False
         self.forest = Forest()
         self._rows: Dict[Hashable, List[int]] = {}      # owner -> its rows
@@ -169,7 +176,9 @@ class RayScene:
             self.spheres[:, row] = np.nan
             self.shapes[row, RETRO] = 0.0
             self.shapes[row, OWNER] = -1.0
+            self.moves[row] = False
         self._free.extend(rows)
+        self.resting_version += 1
         self.has_retro = bool(np.any(self.shapes[:self.count, RETRO]))
         self.version += 1
 
@@ -217,6 +226,18 @@ class RayScene:
             raise ValueError("scene poses for %d rows: %s, expected (%d, 7)" % (len(rows), poses.shape, len(rows)))
         write_poses(self.spheres, self.shapes, rows, poses)
         self.version += 1
+        self.resting_version += 1
+
+    def mark_moving(self, rows: Sequence[int]) -> None:
+        """Say that shapes move often, so that sensors always look at them; by default a shape rests.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            As returned by ``add``.
+        """
+        self.moves[list(rows)] = True
+        self.resting_version += 1
 
     def mover(self, rows: Rows, poses: Floats) -> Callable[[], None]:
         """Return a faster replacement for :meth:`set_poses` that always uses the same two arrays.
@@ -244,6 +265,7 @@ class RayScene:
                              % (rows.size, poses.shape, poses.dtype, rows.size))
         if not packed.COMPILED:
             return lambda: self.set_poses(rows, poses)
+        rests = not self.moves[rows[(rows >= 0) & (rows < len(self.moves))]].all()
         block = np.zeros(packed.MOVE_WORDS, np.uint64)
         table: Optional[Floats] = None
 
@@ -255,6 +277,8 @@ class RayScene:
                             poses.ctypes.data, rows.size)
             packed.move(block)
             self.version += 1
+            if rests:
+                self.resting_version += 1
 
         return move
 
@@ -264,6 +288,8 @@ class RayScene:
         if self.count == self.capacity:
             self.spheres = np.concatenate((self.spheres, np.full_like(self.spheres, np.nan)), axis=1)
             self.shapes = np.concatenate((self.shapes, np.zeros_like(self.shapes)))
+            self.moves = np.concatenate((self.moves, np.zeros_like(self.moves)))
+            self.order = np.empty((2, len(self.moves)), np.int32)
         self.count += 1
         return self.count - 1
 

@@ -66,7 +66,7 @@ def _directions(beams: Floats, rows: Floats, frame: Floats) -> Floats:
 
 
 def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats,
-                    spheres: Floats, shapes: Floats, order: NDArray[np.int32]) -> int:
+                    spheres: Floats, shapes: Floats, order: NDArray[np.int32], near: NDArray[np.int32]) -> int:
     """Cast all beams, as ``ray_kernels.cast_rays`` with the same layouts of arrays.
 
     Parameters
@@ -79,6 +79,8 @@ def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows
         Read only.
     order : (2, C) int32
         Written: in the first row, the shapes within reach, not sorted.
+    near : (n,) int32
+        Rows of the shapes to look at; empty: all.
 
     Returns
     -------
@@ -91,9 +93,11 @@ def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows
         rays = _directions(beams, rows, frame)
         centres = spheres[:3, :int(frame[COUNT])].T - frame[:3]
         reach = np.sqrt((centres * centres).sum(axis=1)) - spheres[3, :centres.shape[0]]
-        near = np.flatnonzero(reach <= frame[RANGE_MAX])
-        order[0, :near.size] = near
-        for row in near:
+        seen = np.flatnonzero(reach <= frame[RANGE_MAX])
+        if near.size:
+            seen = np.intersect1d(seen, near)
+        order[0, :seen.size] = seen
+        for row in seen:
             shape, centre = shapes[row], centres[row]
             if shape[KIND] == MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
                 continue
@@ -107,7 +111,7 @@ def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows
             ranges[nearer] = t[nearer]
             if hits.size:
                 hits[nearer] = row
-    return int(near.size)
+    return int(seen.size)
 
 
 def cast_meshes_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats,

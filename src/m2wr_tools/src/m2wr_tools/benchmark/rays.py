@@ -174,7 +174,7 @@ def measure(scene: RayScene, side: float, tilt: float, places: int = 15, seed: i
                 quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
         whole = median_time(partial(sensor.cast, scene, pose), 41)
         kernel = median_time(lambda: kernels.cast_rays(distances, sensor._no_hits, sensor._beams, sensor._rows, frame,
-                                                       scene.spheres, scene.shapes, sensor._order), 41)
+                                                       scene.spheres, scene.shapes, scene.order, sensor._near), 41)
         plain = median_time(lambda: cast_all(distances, sensor._beams, frame, scene.spheres, scene.shapes), 1)
         times.append((whole, kernel, plain))
     return [sorted(column)[places // 2] for column in zip(*times)]
