@@ -318,3 +318,35 @@ def test_factory_selects_an_engine_and_refuses_unknown_names():
         engine.close()
     with pytest.raises(ParameterError, match="auto, native, pyode"):
         make_engine("bullet", EngineSettings())
+
+
+def test_far_static_shapes_are_in_leaves_and_collide_as_before():
+    """A row of 600 posts reaches 300 m; the robot drives against the last one, as in a world with that post alone."""
+    ends = []
+    for count in (600, 1):
+        engine = make_engine("auto", EngineSettings())
+        engine.add_model(Model("ground", (Link("link", collisions=(Collision("plane", Plane((0.0, 0.0, 1.0))),)),),
+                               static=True), ((0.0, 0.0, 0.0), NO_TURN))
+        for index in range(600 - count, 600):
+            post = Model("post%d" % index, (Link("link", collisions=(Collision("post", Box((0.2, 0.2, 1.0))),)),),
+                         static=True)
+            engine.add_model(post, ((0.5 * (index + 1), 0.0, 0.5), NO_TURN))
+        handle = engine.add_model(robot(), ((301.0, 0.0, 0.1), (0.0, 0.0, 1.0, 0.0)))
+        assert engine._doublings == (2 if count == 600 else 0) and len(engine._unsettled) == count % 256
+        for joint in ("left", "right"):
+            engine.set_joint_motor(handle.joints[joint], 5.0, 5.0)
+        engine.step(1500)
+        ends.append(engine.link_pose(handle.links["chassis"]))
+        engine.close()
+    assert ends[0] == ends[1] and 300.3 < ends[0][0][0] < 300.8
+
+
+def test_static_shapes_can_be_removed_before_and_after_they_are_settled():
+    engine = make_engine("auto", EngineSettings())
+    handles = [engine.add_model(Model("post%d" % index, (Link("link", collisions=(
+        Collision("post", Box((0.2, 0.2, 1.0))),)),), static=True), ((1.0 * index, 0.0, 0.5), NO_TURN))
+        for index in range(300)]
+    for handle in handles[::-1]:
+        engine.remove_model(handle)
+    assert engine._unsettled == [] and not engine._shapes
+    engine.close()

@@ -6,7 +6,7 @@ import ctypes
 import ctypes.util
 import logging
 import os
-from typing import Any, Dict, Optional, Set
+from typing import Any, Dict, Iterable, Optional, Set
 
 log = logging.getLogger(__name__)
 
@@ -60,10 +60,30 @@ def library() -> Any:
                 ("dGeomGetAABB", None, [handle, handle]), ("dGeomDestroy", None, [handle]),
                 ("dCreateBox", handle, [handle] + 3 * [ctypes.c_double]),
                 ("dBodyGetJoint", handle, [handle, ctypes.c_int]), ("dBodyGetNumJoints", ctypes.c_int, [handle]),
-                ("dJointGetType", ctypes.c_int, [handle])):
+                ("dJointGetType", ctypes.c_int, [handle]), ("dSpaceClean", None, [handle])):
             function = getattr(_library, name)
             function.restype, function.argtypes = result, arguments
     return _library
+
+
+def clean_space(space: Any) -> None:
+    """Compute the bounds of the new and moved geoms of a space now, not before its next collision test.
+
+    Without libode by name it has no effect; the results are the same.
+    """
+    known = library()
+    if known is not None:
+        known.dSpaceClean(space._id())
+
+
+def farthest(geoms: Iterable[Any]) -> float:
+    """Return the greatest x or y, without its sign, of the bounds of geoms [m]; 0 without libode by name."""
+    known, bounds = library(), (ctypes.c_double * 6)()
+    found = 0.0
+    for geom in geoms if known is not None else ():
+        known.dGeomGetAABB(geom._id(), bounds)
+        found = max(found, -bounds[0], bounds[1], -bounds[2], bounds[3])
+    return found
 
 
 class MessageCounter:

@@ -44,6 +44,8 @@ log = logging.getLogger(__name__)
 
 _Entry = TypeVar("_Entry")
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
+_MOST_DOUBLINGS = 3         # of the extent, with leaves of the same size: beyond 800 m the tree would need too much memory
+_SETTLED = 256              # so many new static geoms are put into the leaves together: libode searches a list for each
 
 
 class OdeWorld(Engine):
@@ -52,8 +54,9 @@ class OdeWorld(Engine):
     def __init__(self, settings: EngineSettings) -> None:
         self._world = ode.World()
         self._world.setAutoDisableFlag(False)       # see idle
-        extent = _QUADTREE_EXTENT
-        self._static_space = ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH)
+        self._doublings = 0                         # of the quadtree's extent
+        self._static_space = _quadtree(0)
+        self._unsettled: List[Geom] = []            # static geoms that were added last
         self._moving_space = ode.HashSpace()
         self._parts: Dict[str, ModelParts] = {}
         self._links: Dict[int, LinkBody] = {}
@@ -156,6 +159,33 @@ class OdeWorld(Engine):
                                    parts.stiffer, link.countdown, link.spec.kinematic)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
+        if body is None and not isinstance(collision.geometry, Plane):
+            self._unsettled.append(geom)
+            if len(self._unsettled) == _SETTLED:
+                self._settle_static()
+
+    def _settle_static(self) -> None:
+        """Put the static geoms that were added last into the leaves of the quadtree, which grows if they are outside.
+
+        libode would do it before the next step, in a time that grows with the square of their number; and each step
+        visits all geoms outside of the tree.
+        """
+        native_ode.clean_space(self._static_space)
+        farthest = native_ode.farthest(self._unsettled)
+        self._unsettled = []
+        doublings = self._doublings
+        while doublings < _MOST_DOUBLINGS and farthest > _QUADTREE_EXTENT * 2.0 ** doublings:
+            doublings += 1
+        if doublings == self._doublings:
+            return
+        former, self._static_space, self._doublings = self._static_space, _quadtree(doublings), doublings
+        grounded = [geom for geom, shape in self._shapes.items() if not shape.moves]
+        for number, geom in enumerate(grounded):
+            leave_space(geom, former)
+            enter_space(geom, self._static_space)
+            if number % _SETTLED == 0:
+                native_ode.clean_space(self._static_space)
+        native_ode.clean_space(self._static_space)
 
     def abandon_model(self, handle: ModelHandle) -> None:
         parts = self._parts.pop(handle.name)
@@ -204,6 +234,9 @@ class OdeWorld(Engine):
         for geom in parts.geoms:
             leave_space(geom, parts.space if self._shapes[geom].moves else self._static_space)
             del self._shapes[geom]
+        if parts.static and self._unsettled:
+            gone = set(parts.geoms)
+            self._unsettled = [geom for geom in self._unsettled if geom not in gone]
         names = tuple(link.name + "::" for link in parts.links)
         for pair in [pair for pair in self._pairs_before if any(side.startswith(names) for side in pair)]:
             del self._pairs_before[pair]
@@ -467,6 +500,12 @@ class OdeWorld(Engine):
         self._joints.clear()
         self._refresh_lists()
         self._static_space = self._moving_space = self._world = None
+
+
+def _quadtree(doublings: int) -> ode.QuadTreeSpace:
+    """Return the space of static geoms, with leaves of the same size for any extent."""
+    extent = _QUADTREE_EXTENT * 2.0 ** doublings
+    return ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH + doublings)
 
 
 def _damped(drives: Iterable[JointDrive]) -> List[JointDrive]:
