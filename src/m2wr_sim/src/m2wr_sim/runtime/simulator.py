@@ -13,6 +13,7 @@ from collections import OrderedDict
 from dataclasses import replace
 from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Type
 
+from m2wr_sim.collector import paused_collector
 from m2wr_sim.errors import LostError, ModelError, NotFoundError
 from m2wr_sim.geometry import compose, rotate, unit_pose
 from m2wr_sim.model.types import Physics
@@ -83,11 +84,12 @@ class Simulator:
             self.config.once_logger.log(logging.INFO, "", "%s", remark)
         self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
         self.lights.update((light.name, light) for light in world.lights)
-        for record in world.models:
-            try:
-                self.spawn(record, record.pose, namespace=None)
-            except ModelError as error:
-                log.error("%s; model \"%s\" is left out", error, record.name)
+        with paused_collector():
+            for record in world.models:
+                try:
+                    self.spawn(record, record.pose, namespace=None)
+                except ModelError as error:
+                    log.error("%s; model \"%s\" is left out", error, record.name)
         for spec in world.plugins:
             self.plugins.unsupported.report("the world", spec, None)
         if world.state is not None:

@@ -46,6 +46,13 @@ def raw_pose(node: Node) -> Tuple[Pose, Optional[str]]:
     leaf = node.child("pose")
     if not leaf:
         return IDENTITY, None
+    if leaf.raw_pose is None:
+        leaf.raw_pose = _read_pose(leaf)
+    return leaf.raw_pose
+
+
+def _read_pose(leaf: Node) -> Tuple[Pose, Optional[str]]:
+    """Return what :func:`raw_pose` does, from the ``<pose>``."""
     relative_to = leaf.attribute("relative_to") or leaf.attribute("frame") or None
     degrees = leaf.attribute("degrees").lower() in ("true", "1")
     if not leaf.own_text():

@@ -12,6 +12,7 @@ import logging
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 
+from m2wr_sim.collector import paused_collector
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.sdf.actor import read_actor
@@ -131,7 +132,7 @@ def load_world(path_or_text: Union[str, bytes], source: Optional[str] = None,
         If the file is missing, is not XML, or has no world; the message names file, line and what was expected.  Other
         errors only remove their own part of the world, see the ``notes``.
     """
-    with errors_as(WorldError):
+    with errors_as(WorldError), paused_collector():
         if isinstance(path_or_text, bytes) or "<" in path_or_text:
             text, source = path_or_text, source or "world"
         else:

@@ -39,13 +39,19 @@ from m2wr_sim.model.xml.safe import (
 )
 
 if TYPE_CHECKING:
-    from m2wr_sim.geometry import Vector
+    from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.notes import Notes
 
 _Value = TypeVar("_Value")
 _Number = TypeVar("_Number", float, Optional[float])
 _Flag = TypeVar("_Flag", bool, Optional[bool])
 _FIRST, _ALL = 1, 2
+# of a missing element: nothing is ever stored in them
+_NO_CHILDREN: Dict[str, List[Any]] = {}
+_NOT_ASKED: Dict[str, int] = {}
+_NO_ATTRIBUTES: Set[str] = set()
+_NONE_KEPT: Dict[str, Any] = {}
+_NO_LISTS: Dict[str, List[Any]] = {}
 
 
 def shown(value: object) -> str:
@@ -74,22 +80,28 @@ class Node:
     ----------
     element, notes, row
         As given.
+    raw_pose : tuple or None
+        Kept by :func:`~m2wr_sim.model.sdf.frames.raw_pose`, which is asked for the same pose several times.
     """
 
-    __slots__ = ("element", "notes", "row", "_children", "_asked", "_attributes", "_kept", "_lists")
+    __slots__ = ("element", "notes", "row", "_children", "_asked", "_attributes", "_kept", "_lists", "raw_pose")
 
     def __init__(self, element: Any, notes: Notes, row: Optional[str] = None) -> None:
         self.element, self.notes = element, notes
+        self.raw_pose: Optional[Tuple[Pose, Optional[str]]] = None
+        if element is None:         # half of all that readers ask for; nothing is stored in these
+            self.row = row or ""
+            self._children, self._asked, self._attributes = _NO_CHILDREN, _NOT_ASKED, _NO_ATTRIBUTES
+            self._kept, self._lists = _NONE_KEPT, _NO_LISTS
+            return
+        self.row = row or etree.QName(element).localname
         self._children: Dict[str, List[Any]] = {}
         self._asked: Dict[str, int] = {}
         self._attributes: Set[str] = set()
         self._kept: Dict[str, Node] = {}
         self._lists: Dict[str, List[Node]] = {}
-        self.row = row or ""
-        if element is not None:
-            self.row = row or etree.QName(element).localname
-            for child in element:
-                self._children.setdefault(child.tag, []).append(child)
+        for child in element:
+            self._children.setdefault(child.tag, []).append(child)
 
     def __bool__(self) -> bool:
         return self.element is not None
@@ -140,8 +152,10 @@ class Node:
 
     def attribute(self, name: str) -> str:
         """Return an attribute without spaces around it; empty where it is missing."""
+        if self.element is None:
+            return ""
         self._attributes.add(name)
-        return "" if self.element is None else (self.element.get(name) or "").strip()
+        return (self.element.get(name) or "").strip()
 
     def own_text(self) -> str:
         """Return the text of the element itself, without spaces around it."""
@@ -157,6 +171,8 @@ class Node:
 
     def child(self, tag: str) -> Node:
         """Return the first child ``tag`` as a Node, which is false if there is none."""
+        if self.element is None:
+            return Node(None, self.notes, ROWS.get((self.row, tag), tag))
         node = self._kept.get(tag)
         if node is None:
             node = self._kept[tag] = Node(self._ask(tag), self.notes, ROWS.get((self.row, tag), tag))
@@ -164,6 +180,8 @@ class Node:
 
     def children(self, tag: str) -> List[Node]:
         """Return all children ``tag`` as Nodes."""
+        if self.element is None:
+            return []
         self._asked[tag] = _ALL
         row = ROWS.get((self.row, tag), tag)
         nodes = self._lists.get(tag)
@@ -172,6 +190,8 @@ class Node:
         return nodes
 
     def _ask(self, tag: str) -> Any:
+        if self.element is None:
+            return None
         self._asked.setdefault(tag, _FIRST)
         found = self._children.get(tag)
         return None if found is None else found[0]
@@ -397,11 +417,14 @@ class Node:
 
     def ignore(self) -> None:
         """Mark all its content as read: it belongs to a part that is left out, or to a plugin."""
-        self._children, self._kept, self._lists = {}, {}, {}
-        self._attributes.update(() if self.element is None else self.element.keys())
+        if self.element is not None:
+            self._children, self._kept, self._lists = {}, {}, {}
+            self._attributes.update(self.element.keys())
 
     def done(self) -> None:
         """Report the elements and attributes that were not read, here and in the children that were."""
+        if self.element is None:
+            return
         for tag, elements in self._children.items():
             asked = self._asked.get(tag, 0)
             if not asked:
@@ -409,12 +432,15 @@ class Node:
             elif asked == _FIRST and len(elements) > 1:
                 self.notes.add("{}: there is another <{}> in <{}>; the first is read.".format(
                     line_of(elements[1]), _local(tag), self._local_tag()), ("again", self.row, tag))
-        for name in () if self.element is None else self.element.keys():
+        for name in self.element.keys():
             if name not in self._attributes and "}" not in name and name not in SILENT_ATTRIBUTES.get(self.row, ()):
                 self.notes.add("{}: unsupported attribute {} of <{}> ignored.".format(
                     self.line, name, self._local_tag()), ("attribute", self.row, name))
-        for node in list(self._kept.values()) + [node for nodes in self._lists.values() for node in nodes]:
+        for node in self._kept.values():
             node.done()
+        for nodes in self._lists.values():
+            for node in nodes:
+                node.done()
         self.ignore()
 
     def _local_tag(self) -> str:
