@@ -199,3 +199,14 @@ def test_without_gymnasium_the_message_says_what_to_install():
     done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, timeout=120)
     assert done.returncode != 0
     assert "needs the Python package gymnasium, 1.0 or newer, which is not installed" in done.stderr.decode()
+
+
+def test_stable_baselines_checker_has_no_warnings():
+    checker = pytest.importorskip("stable_baselines3.common.env_checker",
+                                  reason="the optional Python package stable-baselines3 is not installed")
+    for name in gym_env.ENVIRONMENTS:
+        env = gymnasium.wrappers.RescaleAction(gymnasium.make(name), -1.0, 1.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            checker.check_env(env)
+        env.close()

@@ -70,7 +70,7 @@ def test_one_process_for_each_environment():
 
 @pytest.mark.parametrize("arguments, text", [
     (dict(num_envs=0), "at least one world"), (dict(num_envs=1, render_mode="rgb_array"), "no pictures"),
-    (dict(num_envs=1, beams=7), "divisor")])
+    (dict(num_envs=1, beams=7), "divisor"), (dict(num_envs=1, each=[]), "at least one world")])
 def test_unusable_options_are_refused(arguments, text):
     with pytest.raises(ValueError, match=text):
         BatchedGoToGoal(**arguments)
@@ -84,4 +84,22 @@ def test_unusable_actions_and_seeds_are_refused():
     for wrong in (np.zeros(2), np.full((2, 2), np.nan)):
         with pytest.raises(ValueError, match="2 pairs of finite numbers"):
             batch.step(wrong)
+    batch.close()
+
+
+def test_each_world_has_its_own_arguments_and_begins_alone():
+    each = [dict(start=(0.0, 8.0), goal=(0.0, -4.0)), dict(world="world03", start=(0.0, 8.0), goal=(-7.0, -4.0))]
+    batch = BatchedGoToGoal(3, each=each, step=0.02, time_limit=0.2)
+    seen, infos = batch.reset(seed=1)
+    np.testing.assert_allclose(infos["distance"], [12.0, np.hypot(7.0, 12.0), 12.0])
+    for _ in range(2):
+        seen, _, _, truncated, infos = batch.step(np.full((3, 2), 0.5))
+    assert truncated.all()
+    begun, infos = batch.reset(options={"reset_mask": np.array([False, True, False])})
+    assert infos["time"].tolist() == [0.2, 0.0, 0.2]
+    np.testing.assert_array_equal(begun["scan"][0], seen["scan"][0])
+    infos = batch.step(np.zeros((3, 2)))[-1]
+    assert infos["time"].tolist() == [0.0, 0.1, 0.0]        # the others begin with the next step
+    with pytest.raises(ValueError, match="one truth value for each"):
+        batch.reset(options={"reset_mask": np.ones(3)})
     batch.close()

@@ -83,8 +83,8 @@ class ExplorationEnv(RobotEnv):
     """A robot sees as much of a world as it can.
 
     Observation: ``scan`` and ``velocity`` of :class:`~m2wr_sim.api.gym_base.RobotEnv`, ``pose`` (3,): x, y [m] and yaw
-    [rad] in the world, and ``known`` (16, 16): the share of cells that were seen, in each part of the area; rows along
-    y, columns along x.  The reward of a step is 0.05 for each new cell that a beam crosses, -10 for a contact, which
+    [rad] in the world, and ``known`` (256,): the share of cells that were seen, in each of 16 x 16 parts of the area,
+    row after row along y, in a row along x.  The reward of a step is 0.05 for each new cell that a beam crosses, -10 for a contact, which
     terminates the episode.  After ``time_limit`` it is truncated.
 
     ``reset`` draws start and heading; ``options={"start": (x, y, yaw)}`` sets them.  ``info`` holds ``time`` [s],
@@ -126,7 +126,7 @@ class ExplorationEnv(RobotEnv):
 
     def _bounds(self) -> Bounds:
         far = np.array([1e4, 1e4, math.pi])
-        return {"pose": (-far, far), "known": (np.zeros((self.PARTS, self.PARTS)), np.ones((self.PARTS, self.PARTS)))}
+        return {"pose": (-far, far), "known": (np.zeros(self.PARTS ** 2), np.ones(self.PARTS ** 2))}
 
     def _place(self, options: Dict[str, Any]) -> Tuple[float, ...]:
         return self._free_start(options.get("start"))
@@ -165,7 +165,7 @@ class ExplorationEnv(RobotEnv):
         parts = self._known.reshape(self.PARTS, self._shape[0] // self.PARTS, self.PARTS, -1)
         pose = np.clip(np.array(result.pose, np.float32), *(
             getattr(self.observation_space["pose"], name) for name in ("low", "high")))
-        return {"pose": pose, "known": parts.mean(axis=(1, 3), dtype=np.float32)}
+        return {"pose": pose, "known": parts.mean(axis=(1, 3), dtype=np.float32).ravel()}
 
     def _info(self, result: StepResult) -> Dict[str, Any]:
         return dict(super()._info(result), explored=float(self._known.mean()))

@@ -40,8 +40,10 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
     ----------
     num_envs : int
         Number of worlds, n.
+    each : sequence of dict, optional
+        Arguments of GoToGoalEnv for one world, besides ``options``: world i gets ``each[i % len(each)]``.
     **options
-        Arguments of GoToGoalEnv; ``render_mode`` must be None.
+        Arguments of GoToGoalEnv for all worlds; ``render_mode`` must be None.
 
     Raises
     ------
@@ -53,10 +55,13 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
     if hasattr(gymnasium.vector, "AutoresetMode"):      # not in Gymnasium 1.0, whose only mode it is
         metadata["autoreset_mode"] = gymnasium.vector.AutoresetMode.NEXT_STEP
 
-    def __init__(self, num_envs: int = 1, render_mode: Optional[str] = None, **options: Any) -> None:
+    def __init__(self, num_envs: int = 1, render_mode: Optional[str] = None,
+                 each: Sequence[Dict[str, Any]] = ({},), **options: Any) -> None:
         self._envs: List[GoToGoalEnv] = []
         if num_envs < 1:
             raise ValueError("num_envs %r; expected at least one world" % (num_envs,))
+        if not each:
+            raise ValueError("each is empty; expected arguments of at least one world")
         if render_mode is not None:
             raise ValueError("render_mode %r; batched worlds have no pictures: use vectorization_mode=\"sync\""
                              % (render_mode,))
@@ -64,7 +69,7 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         try:
             for index in range(num_envs):
                 with suppress_warnings(index > 0):
-                    self._envs.append(GoToGoalEnv(**options))
+                    self._envs.append(GoToGoalEnv(**{**options, **each[index % len(each)]}))
         except Exception:
             self.close()
             raise
@@ -90,7 +95,8 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         seed : int or sequence, optional
             World i gets ``seed + i``, or the i-th of the sequence.
         options : dict, optional
-            As for GoToGoalEnv, for all worlds.
+            As for GoToGoalEnv, for all worlds.  ``reset_mask``, (n,) bool, says which worlds begin; the others stay
+            as they are.
 
         Returns
         -------
@@ -101,15 +107,20 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         Raises
         ------
         ValueError
-            If there are not as many seeds as worlds.
+            If there are not as many seeds, or truth values, as worlds.
         """
         seeds: Sequence[Optional[int]] = seed if isinstance(seed, (list, tuple)) else [
             None if seed is None else int(seed) + index for index in range(self.num_envs)]     # type: ignore[arg-type]
         if len(seeds) != self.num_envs:
             raise ValueError("%d seeds for %d worlds" % (len(seeds), self.num_envs))
-        for index, one in enumerate(seeds):
-            self._begin(index, one, options)
-        self._over[:] = False
+        options = dict(options or {})
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise ValueError("reset_mask: %s of %s for %d worlds; expected one truth value for each"
+                             % (mask.shape, mask.dtype, self.num_envs))
+        for index in np.flatnonzero(mask):
+            self._begin(int(index), seeds[index], options)
+        self._over &= ~mask
         return self._observe(), self._infos()
 
     def _begin(self, index: int, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None) -> None:
