@@ -205,7 +205,7 @@ def test_stable_baselines_checker_has_no_warnings():
     checker = pytest.importorskip("stable_baselines3.common.env_checker",
                                   reason="the optional Python package stable-baselines3 is not installed")
     for name in gym_env.ENVIRONMENTS:
-        env = gymnasium.wrappers.RescaleAction(gymnasium.make(name), -1.0, 1.0)
+        env = gymnasium.wrappers.RescaleAction(gymnasium.make(name), np.float32(-1.0), np.float32(1.0))
         with warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)
             checker.check_env(env)
