@@ -320,7 +320,7 @@ def test_factory_selects_an_engine_and_refuses_unknown_names():
         make_engine("bullet", EngineSettings())
 
 
-def test_far_static_shapes_are_in_leaves_and_collide_as_before():
+def test_far_static_shapes_collide_as_near_ones():
     """A row of 600 posts reaches 300 m; the robot drives against the last one, as in a world with that post alone."""
     ends = []
     for count in (600, 1):
@@ -341,7 +341,7 @@ def test_far_static_shapes_are_in_leaves_and_collide_as_before():
     assert ends[0] == ends[1] and 300.3 < ends[0][0][0] < 300.8
 
 
-def test_static_shapes_can_be_removed_before_and_after_they_are_settled():
+def test_settled_static_shapes_can_be_removed():
     engine = make_engine("auto", EngineSettings())
     handles = [engine.add_model(Model("post%d" % index, (Link("link", collisions=(
         Collision("post", Box((0.2, 0.2, 1.0))),)),), static=True), ((1.0 * index, 0.0, 0.5), NO_TURN))
