@@ -95,11 +95,7 @@ class Node:
             self._kept, self._lists = _NONE_KEPT, _NO_LISTS
             return
         self.row = row or etree.QName(element).localname
-        self._children: Dict[str, List[Any]] = {}
-        self._asked: Dict[str, int] = {}
-        self._attributes: Set[str] = set()
-        self._kept: Dict[str, Node] = {}
-        self._lists: Dict[str, List[Node]] = {}
+        self._children, self._asked, self._attributes, self._kept, self._lists = {}, {}, set(), {}, {}
         for child in element:
             self._children.setdefault(child.tag, []).append(child)
 
