@@ -6,7 +6,7 @@ import pytest
 from m2wr_sim.model.mesh import shapes as mesh_shapes
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
-from m2wr_sim.model.types import Heightmap, Mesh
+from m2wr_sim.model.types import Heightmap, Mesh, MeshFile
 from m2wr_sim.model.urdf.loader import load_urdf
 from test_mesh_files import CORNERS, FACES, NODE, PYRAMID, dae, obj, same, text_stl
 
@@ -36,6 +36,8 @@ def load(folder, geometry, tag="collision"):
     path.write_text(text)
     world = load_world(str(path), resolve_model=ModelFolders([str(folder / "models")]))
     link = world.models[0].links[0]
+    if tag == "visual":
+        return [part.geometry for part in link.visuals], world.notes
     return [part.geometry for part in link.collisions][:-1], world.notes
 
 
@@ -134,8 +136,11 @@ def test_a_mesh_without_a_file_or_with_no_extent_is_skipped(folder):
 
 
 def test_visuals_are_not_opened(folder):
-    for geometry in (mesh("gone.stl"), "<heightmap><uri>gone.png</uri></heightmap>"):
-        assert load(folder, geometry, "visual") == ([], ())
+    assert load(folder, "<heightmap><uri>gone.png</uri></heightmap>", "visual") == ([], ())
+    (shape,), notes = load(folder, mesh("gone.stl", "<scale>1 2 3</scale>"), "visual")
+    assert shape == MeshFile("", "gone.stl", (1.0, 2.0, 3.0)) and notes == ()
+    (shape,), notes = load(folder, mesh("beside.stl"), "visual")
+    assert shape == MeshFile(str(folder / "beside.stl"), "beside.stl") and notes == ()
 
 
 def test_shapes_of_equal_files_are_equal(folder):

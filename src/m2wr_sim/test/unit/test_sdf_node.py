@@ -95,9 +95,10 @@ SENSORS = """<sensor name="r" type="ray"><pose/><plugin name="p" filename="libp.
 </scan><range/><noise/></ray></sensor><sensor name="i" type="imu"><imu><angular_velocity><x><noise/></x><y/><z/>
 </angular_velocity><linear_acceleration><x/><y/><z/></linear_acceleration></imu></sensor><sensor name="e" type="imu">
 <imu><noise><rate/><accel/></noise></imu></sensor><sensor name="c" type="contact"><contact><collision>c</collision>
-</contact></sensor>"""
+</contact></sensor><sensor name="k" type="camera"><camera><image/><clip/><noise/><distortion><k1>0</k1></distortion>
+</camera></sensor>"""
 EVERYTHING = """<sdf version="1.7"><world name="w"><physics type="ode"><ode><solver/><constraints/></ode></physics>
-<light name="sun"><attenuation/></light><frame name="f"/><plugin name="p" filename="libw.so"/><include>
+<scene/><light name="sun"><attenuation/></light><frame name="f"/><plugin name="p" filename="libw.so"/><include>
 <uri>model://gone</uri></include><model name="m"><static>1</static><frame name="g"><pose/></frame><link name="a">
 <velocity_decay/><inertial><inertia/></inertial>""" + "".join(
     '<collision name="c%d"><geometry>%s</geometry>%s</collision>' % (index, geometry, "" if index else SURFACE)

@@ -199,13 +199,13 @@ def test_unsupported_geometry_is_skipped_and_reported(shape):
 
 
 def test_unsupported_element_is_reported_once_with_its_line():
-    loaded = world("<scene/><gui/><audio/><wind/><spherical_coordinates/><population name='a'/>",
+    loaded = world("<road/><gui/><audio/><wind/><spherical_coordinates/><population name='a'/>",
                    static("m", LINK + "<gripper name='g'/>"), static("n", LINK + "<gripper name='g'/>"))
     assert [("<population>" in note, "<gripper>" in note, note.startswith("a.world:")) for note in loaded.notes] == [
         (False, True, True), (True, False, True)]
     remark, = loaded.remarks
     assert remark.startswith("a.world: without effect") and remark.count("(line 3)") == 5
-    assert "<scene> in <world> (line 3)" in remark
+    assert "<road> in <world> (line 3)" in remark
 
 
 def test_blocks_that_gazebo_saves_by_default_are_not_reported():

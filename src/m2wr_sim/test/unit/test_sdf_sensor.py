@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What sensors other than lasers say of themselves: noise of inertial units, collisions of contact sensors."""
 from m2wr_sim.model.sdf.loader import load_sdf_models
-from m2wr_sim.model.types import Noise
+from m2wr_sim.model.types import CameraView, Noise
 
 SDF = """<sdf version="1.6"><model name="m"><link name="l"><collision name="shell"><geometry><box><size>1 1 1</size>
 </box></geometry></collision><sensor name="s" type="%s"><update_rate>50</update_rate>%s</sensor></link></model></sdf>"""
@@ -56,15 +56,28 @@ def test_dynamic_bias_is_read_for_imus_and_reported_for_others():
 
 
 def test_sensors_that_measure_nothing_are_reported():
-    for kind, words in (("camera", "not simulated"), ("nose", 'unknown type "nose"')):
-        found, (note,) = sensor(kind, "<camera/>" if kind == "camera" else "")
+    for kind, words in (("gps", "not simulated"), ("nose", 'unknown type "nose"')):
+        found, (note,) = sensor(kind, "<gps/>" if kind == "gps" else "")
         assert words in note and '"s"' in note and "test:2" in note and found.kind == kind
-    assert sensor("camera", "<plugin name='p' filename='libcam.so'/>")[1] == ()     # the plugin is named when it starts
+    assert sensor("gps", "<plugin name='p' filename='libgps.so'/>")[1] == ()     # the plugin is named when it starts
     assert [sensor(kind, "")[1] for kind in ("ray", "gpu_ray", "imu", "contact")] == [(), (), (), ()]
 
 
 def test_elements_of_other_sensor_types_are_reported():
     assert "<ray> in a sensor of type imu" in sensor("imu", "<ray/>")[1][0]
+
+
+def test_a_camera_has_the_defaults_of_sdf_and_what_is_written():
+    found, notes = sensor("camera", "")
+    assert found.cameras == (CameraView(),) and not notes
+    found, notes = sensor("multicamera", """<camera name="left"><pose>0 0.1 0 0 0 0</pose><horizontal_fov>2</horizontal_fov>
+        <image><width>64</width><height>48</height><format>L8</format></image><clip><near>1</near><far>9</far></clip>
+        <distortion><k1>1</k1><k2>2</k2><k3>3</k3><p1>4</p1><p2>5</p2><center>0.4 0.6</center></distortion>
+        <noise><type>gaussian</type><mean>0</mean><stddev>0.1</stddev></noise></camera><camera name="right"/>""")
+    left, right = found.cameras
+    assert left == CameraView("left", ((0.0, 0.1, 0.0), (0.0, 0.0, 0.0, 1.0)), 64, 48, "L8", 2.0, 1.0, 9.0,
+                              Noise("gaussian", stddev=0.1), (1.0, 2.0, 3.0, 4.0, 5.0, 0.4, 0.6))
+    assert right == CameraView("right") and not notes and sensor("ray", "")[0].cameras == ()
 
 
 def test_a_contact_sensor_names_its_collisions():

@@ -88,8 +88,27 @@ class Heightmap(_Arrays):
     source: str = ""
 
 
-#: The shape of a collision or a visual.
+#: The shape of a collision.
 Geometry = Union[Box, Sphere, Cylinder, Plane, Mesh, Heightmap]
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """The mesh of a visual; the file is read when a camera first sees it.
+
+    ``path`` is empty if the file was not found; ``uri`` is what the element names.  ``submesh`` is a part of the file,
+    moved to the origin if ``centred``.
+    """
+
+    path: str
+    uri: str = ""
+    scale: Vector = (1.0, 1.0, 1.0)
+    submesh: Optional[str] = None
+    centred: bool = False
+
+
+#: The shape of a visual.
+VisualGeometry = Union[Geometry, MeshFile]
 
 
 @dataclass(frozen=True)
@@ -125,13 +144,19 @@ class Collision:
 
 @dataclass(frozen=True)
 class Visual:
-    """A shape for viewers only; ``pose`` in the link frame, ``rgba`` or None, ``material`` script name or None."""
+    """A shape for cameras and viewers; ``pose`` in the link frame, ``rgba`` or None, ``material`` script name or None.
+
+    ``scripts`` are files and folders in which the material may be defined.  ``transparency`` is from 0 to 1.
+    """
 
     name: str
-    geometry: Geometry
+    geometry: VisualGeometry
     pose: Pose = IDENTITY
     rgba: Optional[Tuple[float, float, float, float]] = None
     material: Optional[str] = None
+    scripts: Tuple[str, ...] = ()
+    transparency: float = 0.0
+    cast_shadows: bool = True
 
 
 @dataclass(frozen=True)
@@ -176,6 +201,26 @@ class RayScan:
 
 
 @dataclass(frozen=True)
+class CameraView:
+    """One ``<camera>`` of a sensor; names and defaults as in SDF, values as they are written.
+
+    ``pose`` in the sensor's frame; ``field_of_view`` is horizontal [rad]; ``distortion`` holds k1 k2 k3 p1 p2 and its
+    centre in x and y as shares of the picture.
+    """
+
+    name: str = ""
+    pose: Pose = IDENTITY
+    width: int = 320
+    height: int = 240
+    encoding: str = "R8G8B8"
+    field_of_view: float = 1.047
+    near: float = 0.1
+    far: float = 100.0
+    noise: Noise = Noise()
+    distortion: Tuple[float, float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5)
+
+
+@dataclass(frozen=True)
 class Sensor:
     """A sensor fixed to a link; ``pose`` in that (carrying) link's frame."""
 
@@ -188,6 +233,7 @@ class Sensor:
     ray: Optional[RayScan] = None
     imu_noise: Tuple[Noise, ...] = ()   # empty, or of angular velocity x y z and linear acceleration x y z
     contact_collisions: Tuple[str, ...] = ()    # of a contact sensor: names of collisions of its link
+    cameras: Tuple[CameraView, ...] = ()
     plugins: Tuple[PluginSpec, ...] = ()
 
 
@@ -358,8 +404,18 @@ class WorldState:
 
 
 @dataclass(frozen=True)
+class Scene:
+    """What cameras see besides models: light from everywhere, background, shadows; colours as in :class:`Light`."""
+
+    ambient: Tuple[float, float, float, float] = (0.4, 0.4, 0.4, 1.0)
+    background: Tuple[float, float, float, float] = (0.7, 0.7, 0.7, 1.0)
+    sky: bool = False
+    shadows: bool = True
+
+
+@dataclass(frozen=True)
 class Light:
-    """A light, for the services about lights; colours are red, green, blue, alpha from 0 to 1.
+    """A light, for cameras and the services about lights; colours are red, green, blue, alpha from 0 to 1.
 
     ``attenuation`` is constant [-], linear [1/m] and quadratic [1/m^2].
     """
@@ -382,6 +438,7 @@ class World:
     models: Tuple[Model, ...] = ()
     physics: Physics = Physics()
     lights: Tuple[Light, ...] = ()
+    scene: Scene = Scene()
     plugins: Tuple[PluginSpec, ...] = ()
     state: Optional[WorldState] = None
     notes: Tuple[str, ...] = field(default=())

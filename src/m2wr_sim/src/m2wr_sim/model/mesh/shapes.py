@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import posixpath
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, MeshPart, 
 from m2wr_sim.model.mesh.polyline import extrude
 from m2wr_sim.model.model_folders import tell_stand_in
 from m2wr_sim.model.source_files import note_file
-from m2wr_sim.model.types import Heightmap, Mesh
+from m2wr_sim.model.types import Heightmap, Mesh, MeshFile
 from m2wr_sim.model.xml.safe import XmlError, fail, file_of, parse_vector, place
 
 if TYPE_CHECKING:
@@ -93,6 +93,50 @@ class MeshReader:
         Mesh or None
         """
         return self._mesh(element, filename, tuple(float(value) for value in scale or (1.0, 1.0, 1.0)), None, False)
+
+    def mesh_file(self, node: ShapeElement) -> MeshFile:
+        """Return the file of the ``<mesh>`` of a visual in SDF, which is not opened.
+
+        Raises
+        ------
+        XmlError
+            If the element itself is malformed.
+        """
+        uri = node.text("uri") or node.text("filename")
+        if not uri:
+            node.fail("<uri> is missing or empty", "the file of the mesh there")
+        x, y, z = node.strict_vector("scale", 3, (1.0, 1.0, 1.0))
+        submesh = node.child("submesh")
+        name, centred = submesh.text("name") or None, submesh.flag("center", False)
+        return MeshFile(self._found(uri, node.element), uri, (x, y, z), name, bool(name) and centred)
+
+    def urdf_mesh_file(self, element: Any, filename: str, scale: Optional[Sequence[float]]) -> MeshFile:
+        """Return the file of the ``<mesh>`` of a visual in URDF, which is not opened.
+
+        Parameters
+        ----------
+        element : lxml element
+        filename : str
+            URI or path.
+        scale : (3,) sequence of float, optional
+
+        Returns
+        -------
+        MeshFile
+        """
+        x, y, z = (float(value) for value in scale or (1.0, 1.0, 1.0))
+        return MeshFile(self._found(filename, element), filename, (x, y, z))
+
+    def folders(self, uris: Sequence[str], element: Any) -> Tuple[str, ...]:
+        """Return the paths of the files and folders of material scripts; those that do not exist are left out."""
+        return tuple(path for path in (self._found(uri, element, True) for uri in uris if uri) if path)
+
+    def _found(self, uri: str, element: Any, folder: bool = False) -> str:
+        """Return the path of a file, or of a folder if it may be one; empty if there is none."""
+        try:
+            return self._find(uri, element, folder)
+        except SimError:
+            return ""
 
     def heightmap(self, node: ShapeElement) -> Optional[Heightmap]:
         """Read ``<heightmap>``; return None, after a warning, if it is left out.
@@ -194,8 +238,8 @@ class MeshReader:
         self._notes.add("{}: {}; this collision is left out.".format(
             place(element), reason.rstrip(".")))
 
-    def _find(self, uri: str, element: Any) -> str:
-        """Return the path of a URI.
+    def _find(self, uri: str, element: Any, folder: bool = False) -> str:
+        """Return the path of a URI; of a folder too if ``folder``.
 
         Raises
         ------
@@ -221,7 +265,7 @@ class MeshReader:
             raise XmlError('the path leaves its folder; expected one without ".."')
         for candidate in candidates:
             note_file(candidate or "")
-            if candidate is not None and os.path.isfile(candidate):
+            if candidate is not None and (os.path.isfile(candidate) or (folder and os.path.isdir(candidate))):
                 return candidate
         raise XmlError("there is no such file (searched: {}); expected one that is on this machine".format(
             ", ".join(os.path.dirname(candidate) or "." for candidate in candidates if candidate)

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Dict, Iterator, List, Optional, Tuple
 from m2wr_sim.geometry import IDENTITY, compose, invert, normalise_quaternion, quaternion_from_rpy, yaw_of
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.sdf.model import SdfContext, read_model
-from m2wr_sim.model.types import ActorScript, Collision, Cylinder, Link, Mesh, Model, Plane, Trajectory, Visual
+from m2wr_sim.model.types import (
+    ActorScript,
+    Collision,
+    Cylinder,
+    Link,
+    Mesh,
+    MeshFile,
+    Model,
+    Plane,
+    Trajectory,
+    Visual,
+)
 from m2wr_sim.model.xml.safe import XmlError, parse_float
 from m2wr_sim.physics.engine import FARTHEST
 
@@ -76,7 +87,7 @@ def _with_collisions(link: Link) -> Link:
         return link
     return replace(link, collisions=tuple(
         Collision(visual.name, visual.geometry, visual.pose) for visual in link.visuals
-        if not isinstance(visual.geometry, (Plane, Mesh))))
+        if not isinstance(visual.geometry, (Plane, Mesh, MeshFile))))
 
 
 def _read_script(node: Node) -> Optional[ActorScript]:

@@ -19,7 +19,8 @@ def _words(text: str) -> FrozenSet[str]:
 
 #: Row -> the elements in it that are read.
 READ = {row: _words(text) for row, text in {
-    "world": "model actor include light physics gravity plugin state frame",
+    "world": "model actor include light physics gravity plugin state frame scene",
+    "scene": "ambient background sky shadows",
     "physics": "max_step_size real_time_update_rate gravity max_contacts ode",
     "physics/ode": "solver constraints",
     "solver": "type iters precon_iters sor",
@@ -42,9 +43,9 @@ READ = {row: _words(text) for row, text in {
     "inertial": "pose mass inertia",
     "inertia": "ixx ixy ixz iyy iyz izz",
     "collision": "pose geometry surface laser_retro max_contacts",
-    "visual": "pose geometry material",
+    "visual": "pose geometry material transparency cast_shadows",
     "material": "ambient diffuse script",
-    "script": "name",
+    "script": "name uri",
     "geometry": "box cylinder sphere plane mesh heightmap polyline empty",
     "box": "size",
     "cylinder": "radius length",
@@ -70,7 +71,11 @@ READ = {row: _words(text) for row, text in {
     "axis": "xyz use_parent_model_frame dynamics limit",
     "dynamics": "damping friction spring_stiffness spring_reference",
     "axis/limit": "lower upper effort velocity",
-    "sensor": "pose update_rate always_on visualize plugin ray imu contact",
+    "sensor": "pose update_rate always_on visualize plugin ray imu contact camera",
+    "camera": "pose image clip noise distortion horizontal_fov",
+    "image": "width height format",
+    "clip": "near far",
+    "distortion": "k1 k2 k3 p1 p2 center",
     "ray": "scan range noise",
     "scan": "horizontal vertical",
     "horizontal": "samples resolution min_angle max_angle",
@@ -90,7 +95,8 @@ READ = {row: _words(text) for row, text in {
 
 #: Row -> its elements without effect on the simulation; reported in one info line for a document.
 QUIET = {row: _words(text) for row, text in {
-    "world": "scene gui audio wind atmosphere magnetic_field spherical_coordinates road",
+    "world": "gui audio wind atmosphere magnetic_field spherical_coordinates road",
+    "scene": "grid fog origin_visual",
     "physics": "real_time_factor bullet simbody dart magnetic_field",
     "solver": "min_step_size use_dynamic_moi_rescaling friction_model island_threads thread_position_correction",
     "state": "wall_time real_time iterations light joint",
@@ -99,9 +105,8 @@ QUIET = {row: _words(text) for row, text in {
     "model": "enable_wind description author",
     "actor": "animation static enable_wind self_collide",
     "link": "enable_wind light audio_sink audio_source must_be_base_link projector particle_emitter",
-    "visual": "cast_shadows transparency laser_retro meta plugin visibility_flags",
+    "visual": "laser_retro meta plugin visibility_flags",
     "material": "specular emissive lighting shader pbr shininess render_order double_sided",
-    "script": "uri",
     "heightmap": "texture blend use_terrain_paging",
     "surface": "soft_contact",
     "friction": "bullet",
@@ -112,8 +117,9 @@ QUIET = {row: _words(text) for row, text in {
     "joint/ode": "provide_feedback cfm_damping implicit_spring_damper suspension",
     "axis": "initial_position",
     "axis/limit": "stiffness dissipation",
-    "sensor": "topic camera depth gps sonar force_torque altimeter magnetometer rfid rfidtag transceiver "
+    "sensor": "topic depth gps sonar force_torque altimeter magnetometer rfid rfidtag transceiver "
               "logical_camera",
+    "camera": "save depth_camera lens visibility_mask optical_frame_id",
     "imu": "topic",
     "sensor/contact": "topic",
     "light": "intensity spot light_on visualize",
@@ -150,7 +156,7 @@ IDLE = {("physics", "real_time_factor"): 1.0, ("model", "enable_wind"): 0.0, ("l
 
 #: Row -> what differs from Gazebo, for docs/reference/sdf.md.
 DIFFERS = {
-    "world": "`plugin`: named and left out; `light`: only for services",
+    "world": "`plugin`: named and left out",
     "physics": "`max_step_size`: 0.01 to 100 ms; `type`: always ode",
     "solver": "`precon_iters` and `sor` are stored, without effect; `~solver` chooses the solver",
     "constraints": "`erp`: 0.2 to 0.8; the others are stored, without effect",
@@ -162,18 +168,20 @@ DIFFERS = {
     "skin": "a cylinder stands for the person; `script` and plugins move it",
     "trajectory": "attributes `id`, `type`, `tension`",
     "inertial": "the mass of a moving link must be positive",
-    "visual": "for viewers; of `geometry` only simple shapes",
+    "scene": "`sky`: a clear one; for cameras",
+    "visual": "for cameras and viewers; a `heightmap` is drawn where the link collides with it",
+    "material": "of `ambient` and `diffuse` the latter; see [cameras](../how-to/cameras.md)",
     "geometry": "`image`, `capsule`, `ellipsoid`: reported, this shape is left out",
-    "plane": "`size` is for viewers, as in Gazebo",
+    "plane": "`size` is for cameras and viewers, as in Gazebo",
     "heightmap": "see [meshes](meshes.md)",
     "torsional": "reported where it would have an effect",
     "contact": "`elastic_modulus` other than 0 is reported",
     "contact/ode": "limited, see [physics](../explanation/physics.md)",
     "joint": "types revolute, continuous, prismatic, fixed, ball, universal; others are reported",
-    "sensor": "types ray, gpu_ray, imu, contact; others are reported",
+    "sensor": "types ray, gpu_ray, imu, contact, camera, depth, multicamera; others are reported",
     "range": "`resolution` has no effect, as in Gazebo",
     "noise": "`dynamic_bias_...`: of imu sensors, else reported",
-    "light": "only for services; no effect on sensors",
+    "light": "for cameras; spots shine as points; the first with `cast_shadows` has shadows",
 }
 
 #: Row -> attributes besides those that are read that are passed over: names for people and other programs.

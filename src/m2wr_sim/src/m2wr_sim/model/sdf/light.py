@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``<light>`` of SDF -> Light: light is not simulated, but services report lights by name."""
+"""``<light>`` and ``<scene>`` of SDF -> Light and Scene, which cameras see."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Tuple
 
 from m2wr_sim.model.sdf.frames import raw_pose
-from m2wr_sim.model.types import Light
+from m2wr_sim.model.types import Light, Scene
 
 Colour = Tuple[float, float, float, float]        # red, green, blue, alpha
 if TYPE_CHECKING:
@@ -35,3 +35,13 @@ def read_light(node: Node) -> Light:
         cast_shadows=node.flag("cast_shadows", base.cast_shadows))
     node.done()
     return light
+
+
+def read_scene(node: Node) -> Scene:
+    """Read the ``<scene>`` of a world; a missing one gives the defaults.  Its other elements have no effect."""
+    if not node:
+        return Scene()
+    base, sky = Scene(), node.child("sky")
+    sky.ignore()
+    return Scene(_colour(node, "ambient", base.ambient), _colour(node, "background", base.background),
+                 bool(sky), node.flag("shadows", base.shadows))

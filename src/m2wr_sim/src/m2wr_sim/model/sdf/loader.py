@@ -17,7 +17,7 @@ from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.sdf.actor import read_actor
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
-from m2wr_sim.model.sdf.light import read_light
+from m2wr_sim.model.sdf.light import read_light, read_scene
 from m2wr_sim.model.sdf.model import SdfContext, add_frames, check_root, read_include, read_model, read_plugins
 from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.physics import read_physics, read_state
@@ -155,7 +155,7 @@ def _read_world(node: Node, context: SdfContext) -> World:
         for insertions in stored[0].children("insertions"):
             contents.read(insertions, context)
     world = World(name=node.attribute("name") or "default", models=contents.placed(node), physics=read_physics(node),
-                  lights=tuple(contents.lights.values()), plugins=tuple(read_plugins(node)), state=read_state(node))
+                  lights=tuple(contents.lights.values()), scene=read_scene(node.child("scene")), plugins=tuple(read_plugins(node)), state=read_state(node))
     node.done()
     return replace(world, notes=notes.sentences(), remarks=notes.remarks())
 

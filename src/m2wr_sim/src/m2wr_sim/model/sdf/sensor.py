@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Callable, Optional, Tuple
 
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import raw_pose
-from m2wr_sim.model.types import Noise, RayScan, Sensor
+from m2wr_sim.model.types import CameraView, Noise, RayScan, Sensor
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose
@@ -17,9 +17,10 @@ RAY_KINDS = ("ray", "gpu_ray")
 NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
 MOST_RAYS = 1000000         # rays of one sensor, and readings; 16 MB a scan
 #: Sensors of SDF that plugins here read.
-READ_KINDS = RAY_KINDS + ("imu", "contact")
+READ_KINDS = RAY_KINDS + ("imu", "contact", "camera", "depth", "multicamera")
+CAMERA_KINDS = ("camera", "depth", "multicamera")
 #: Sensors of SDF that are not simulated; their elements are ignored.
-OTHER_KINDS = ("camera", "depth", "depth_camera", "multicamera", "rgbd_camera", "wideanglecamera", "thermal_camera",
+OTHER_KINDS = ("depth_camera", "rgbd_camera", "wideanglecamera", "thermal_camera",
                "altimeter", "air_pressure", "force_torque", "gps", "navsat", "logical_camera", "magnetometer", "rfid",
                "rfidtag", "sonar", "wireless_receiver", "wireless_transmitter", "lidar", "gpu_lidar", "custom", "none")
 
@@ -105,6 +106,18 @@ def _early_noise(node: Node, kind: str) -> Noise:
                  bias_mean=node.number("bias_mean", 0.0), bias_stddev=node.number("bias_stddev", 0.0, 0.0))
 
 
+def read_camera(node: Node) -> CameraView:
+    """Read ``<camera>``; sizes are checked by the camera, which knows its limits."""
+    base, image, clip, lens = CameraView(), node.child("image"), node.child("clip"), node.child("distortion")
+    centre = lens.vector("center", 2, base.distortion[5:]) if lens else base.distortion[5:]
+    return CameraView(
+        node.attribute("name"), raw_pose(node)[0], image.whole("width", base.width), image.whole("height", base.height),
+        image.text("format") or base.encoding, node.number("horizontal_fov", base.field_of_view),
+        clip.number("near", base.near), clip.number("far", base.far), read_noise(node.child("noise")),
+        (lens.number("k1", 0.0), lens.number("k2", 0.0), lens.number("k3", 0.0), lens.number("p1", 0.0),
+         lens.number("p2", 0.0), centre[0], centre[1]))
+
+
 def read_sensor(node: Node, link_name: str, resolve_pose: Optional[Callable[[Node], Pose]] = None) -> Sensor:
     """Read one ``<sensor>`` of a link.
 
@@ -120,8 +133,8 @@ def read_sensor(node: Node, link_name: str, resolve_pose: Optional[Callable[[Nod
     Returns
     -------
     Sensor
-        ``ray`` is set only for ray and gpu_ray, ``imu_noise`` for imu, ``contact_collisions`` for contact; other kinds
-        have name, rate, pose and plugins.
+        ``ray`` is set only for ray and gpu_ray, ``imu_noise`` for imu, ``contact_collisions`` for contact, ``cameras``
+        for camera, depth and multicamera; other kinds have name, rate, pose and plugins.
 
     Raises
     ------
@@ -134,6 +147,7 @@ def read_sensor(node: Node, link_name: str, resolve_pose: Optional[Callable[[Nod
     parts = {"ray": node.child("ray"), "imu": node.child("imu"), "contact": node.child("contact")}
     ray = read_ray(parts["ray"]) if kind in RAY_KINDS else None
     imu = read_imu(parts["imu"]) if kind == "imu" else ()
+    cameras = tuple(map(read_camera, node.children("camera") or [node.child("camera")])) if kind in CAMERA_KINDS else ()
     contact = tuple(child.own_text() for child in parts["contact"].children("collision"))
     for part, kinds in (("ray", RAY_KINDS), ("imu", ("imu",)), ("contact", ("contact",))):
         if parts[part] and kind not in kinds:
@@ -149,7 +163,7 @@ def read_sensor(node: Node, link_name: str, resolve_pose: Optional[Callable[[Nod
     sensor = Sensor(name=name, kind=kind, pose=raw_pose(node)[0] if resolve_pose is None else resolve_pose(node),
                     update_rate=node.number("update_rate", 0.0, 0.0), always_on=node.flag("always_on", False),
                     visualize=node.flag("visualize", False), ray=ray, imu_noise=imu,
-                    contact_collisions=contact if kind == "contact" else (), plugins=plugins)
+                    contact_collisions=contact if kind == "contact" else (), cameras=cameras, plugins=plugins)
     node.done()
     return sensor
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose
     from m2wr_sim.model.mesh.shapes import MeshReader
     from m2wr_sim.model.sdf.node import Node
-    from m2wr_sim.model.types import Geometry
+    from m2wr_sim.model.types import Geometry, VisualGeometry
 
 READABLE = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline")
 KNOWN_UNUSED = ("image", "capsule", "ellipsoid")
@@ -100,6 +100,18 @@ def read_geometry(parent: Node, files: Optional[MeshReader] = None) -> Optional[
     parent.notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
         shape.place, tag, " " + uri if uri else "", parent.tag))
     return None
+
+
+def _visual_geometry(parent: Node, files: Optional[MeshReader]) -> Optional[VisualGeometry]:
+    """Return the shape of a visual; a mesh as the name of its file, None for what is not drawn."""
+    geometry = parent.child("geometry")
+    if files is None or not geometry or [tag for tag in geometry.tags() if tag != "empty"][:1] not in (
+            ["mesh"], ["polyline"]):
+        return read_geometry(parent)
+    geometry.child("empty").ignore()
+    if geometry.has("polyline"):
+        return files.polyline(geometry.children("polyline"))
+    return files.mesh_file(geometry.child("mesh"))
 
 
 def _ignore(shapes: Iterable[Node]) -> None:
@@ -192,7 +204,7 @@ def read_collision(node: Node, pose: Pose, files: Optional[MeshReader] = None) -
                                                    laser_retro=retro, max_contacts=contacts)
 
 
-def read_visual(node: Node, pose: Pose) -> Optional[Visual]:
+def read_visual(node: Node, pose: Pose, files: Optional[MeshReader] = None) -> Optional[Visual]:
     """Read ``<visual>``.
 
     Parameters
@@ -200,6 +212,8 @@ def read_visual(node: Node, pose: Pose) -> Optional[Visual]:
     node : Node
     pose : pose
         Of the visual in the link frame.
+    files : MeshReader, optional
+        Finds the files of meshes and materials.
 
     Returns
     -------
@@ -211,9 +225,12 @@ def read_visual(node: Node, pose: Pose) -> Optional[Visual]:
     XmlError
         If it has no name or no usable geometry.
     """
-    name, geometry, material = node.name(), read_geometry(node), node.child("material")
+    name, geometry, material = node.name(), _visual_geometry(node, files), node.child("material")
     colour: Optional[Tuple[float, ...]] = None
     script = material.child("script").text("name")
+    folders = [uri.own_text() for uri in material.child("script").children("uri")]
+    transparency = min(max(node.number("transparency", 0.0), 0.0), 1.0)
+    shadows = node.flag("cast_shadows", True)
     for tag in ("ambient", "diffuse"):          # diffuse wins
         count = 3 if len((material.text(tag) or "").split()) == 3 else 4
         colour = material.vector(tag, count, None) or colour
@@ -223,7 +240,8 @@ def read_visual(node: Node, pose: Pose) -> Optional[Visual]:
     if colour is not None:
         red, green, blue, alpha = (*colour, 1.0)[:4]
         rgba = (red, green, blue, alpha)
-    return Visual(name=name, geometry=geometry, pose=pose, rgba=rgba, material=script)
+    return Visual(name=name, geometry=geometry, pose=pose, rgba=rgba, material=script, transparency=transparency,
+                  scripts=() if files is None else files.folders(folders, node.element), cast_shadows=shadows)
 
 
 def read_inertial(node: Node, pose: Pose) -> Inertial:

@@ -6,7 +6,7 @@ Works on mutable records: a :class:`Body` for each URDF link, a :class:`Connecti
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from m2wr_sim.geometry import Quaternion
-    from m2wr_sim.model.types import Geometry
 
 WORLD = "world"
 LUMP_MARK = "_fixed_joint_lump__"
@@ -30,7 +29,7 @@ class Part:
 
     name: str
     origin: str
-    geometry: Geometry
+    geometry: Any           # a Geometry, or of a visual a VisualGeometry
     pose: Pose = IDENTITY
     surface: Surface = Surface()
     rgba: Optional[Tuple[float, float, float, float]] = None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose
     from m2wr_sim.model.mesh.shapes import MeshReader
     from m2wr_sim.model.notes import Notes
-    from m2wr_sim.model.types import Geometry
+    from m2wr_sim.model.types import VisualGeometry
     from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
 
 NO_MASS = 1e-6                # kg; for Gazebo a smaller mass is zero
@@ -125,8 +125,8 @@ def _pose(origin: Any) -> Pose:
     return (x, y, z), quaternion_from_rpy(*(origin.rpy or (0.0, 0.0, 0.0)))
 
 
-def _geometry(geometry: Any, element: Any, files: MeshReader) -> Optional[Geometry]:
-    """Return the shape of a URDF geometry; None for the mesh of a visual, and, after a warning, for one not read.
+def _geometry(geometry: Any, element: Any, files: MeshReader) -> Optional[VisualGeometry]:
+    """Return the shape of a URDF geometry; the file of a visual's mesh; None, after a warning, for a mesh not read.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def _geometry(geometry: Any, element: Any, files: MeshReader) -> Optional[Geomet
         return Sphere(geometry.radius)
     if element.tag == "collision":
         return files.urdf_mesh(element.find("geometry/mesh"), geometry.filename, geometry.scale)
-    return None
+    return files.urdf_mesh_file(element.find("geometry/mesh"), geometry.filename, geometry.scale)
 
 
 def _own_surface(element: Any, honoured: bool, notes: Notes) -> Surface:
