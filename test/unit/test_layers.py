@@ -39,6 +39,7 @@ RULES = (
     Rule("m2wr_sim/model/xml/*.py", {"lxml"}, False, True,
          EDGES + ("m2wr_sim.model.urdf", "m2wr_sim.model.sdf", "m2wr_sim.model.mesh")),
     Rule("m2wr_sim/sensors/*.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_sim/rendering/*.py", NUMERIC, False, True, EDGES + ("m2wr_sim.runtime", "m2wr_sim.physics")),
     Rule("m2wr_sim/control/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_sim/ros_control/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/ros_control/controllers/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),

@@ -8,12 +8,14 @@ from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Box, Collision, Link, Model, Plane, Sphere
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
+from m2wr_sim.rendering import camera
 from m2wr_sim.sensors import laser
 
 
 def warm_up(engine_kind: str = "auto") -> None:
-    """Run the ray kernels and the loop of an engine once, on a small world."""
+    """Run the kernels of rays and pictures and the loop of an engine once, on a small world."""
     laser.warm_up(np.random.default_rng(0))
+    camera.warm_up()
     engine = make_engine(engine_kind, EngineSettings())
     try:
         for name, geometry, static in (("floor", Plane(), True), ("box", Box((1.0, 1.0, 1.0)), False),
