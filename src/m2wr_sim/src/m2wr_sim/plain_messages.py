@@ -30,6 +30,24 @@ _FIELDS = {
            " float64[9] linear_acceleration_covariance",
     "Range": "Header header, uint8 radiation_type, float32 field_of_view, float32 min_range, float32 max_range,"
              " float32 range",
+    "Vector3Stamped": "Header header, Vector3 vector",
+    "Point32": "float32 x, float32 y, float32 z",
+    "RegionOfInterest": "uint32 x_offset, uint32 y_offset, uint32 height, uint32 width, bool do_rectify",
+    "CameraInfo": "Header header, uint32 height, uint32 width, string distortion_model, float64[] D, float64[9] K,"
+                  " float64[9] R, float64[12] P, uint32 binning_x, uint32 binning_y, RegionOfInterest roi",
+    "Image": "Header header, uint32 height, uint32 width, string encoding, uint8 is_bigendian, uint32 step,"
+             " uint8[] data",
+    "PointField": "string name, uint32 offset, uint8 datatype, uint32 count",
+    "PointCloud2": "Header header, uint32 height, uint32 width, PointField[] fields, bool is_bigendian,"
+                   " uint32 point_step, uint32 row_step, uint8[] data, bool is_dense",
+    "ChannelFloat32": "string name, float32[] values",
+    "PointCloud": "Header header, Point32[] points, ChannelFloat32[] channels",
+    "NavSatStatus": "int8 status, uint16 service",
+    "NavSatFix": "Header header, NavSatStatus status, float64 latitude, float64 longitude, float64 altitude,"
+                 " float64[9] position_covariance, uint8 position_covariance_type",
+    "MagneticField": "Header header, Vector3 magnetic_field, float64[9] magnetic_field_covariance",
+    "SetCameraInfo": "",
+    "SetCameraInfoResponse": "bool success, string status_message",
     "ContactState": "string info, string collision1_name, string collision2_name, Wrench[] wrenches,"
                     " Wrench total_wrench, Vector3[] contact_positions, Vector3[] contact_normals, float64[] depths",
     "ContactsState": "Header header, ContactState[] states",
@@ -91,7 +109,8 @@ _FIELDS = {
     "UnloadController": "string name",
     "UnloadControllerResponse": "bool ok",
 }
-_CONSTANTS = {"Range": {"ULTRASOUND": 0, "INFRARED": 1}}
+_CONSTANTS = {"Range": {"ULTRASOUND": 0, "INFRARED": 1}, "PointField": {"UINT16": 4, "FLOAT32": 7},
+              "NavSatFix": {"COVARIANCE_TYPE_DIAGONAL_KNOWN": 2}}
 _FIELD = re.compile(r"(\w+?)(\d*)(\[(\d*)\])? (\w+)")
 _PLAIN: Dict[str, Callable[[], Any]] = {"int": int, "uint": int, "float": float, "string": str,
                                         "bool": bool}

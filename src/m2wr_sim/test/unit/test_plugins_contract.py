@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from conftest import at
-from m2wr_sim.model.types import PluginSpec
+from m2wr_sim.model.types import CameraView, PluginSpec
 from m2wr_sim.plugins.base import Plugin, PluginReader
 from m2wr_sim.plugins.registry import PLUGINS, find_plugin
 from m2wr_sim.runtime import plugin_host
@@ -32,12 +32,27 @@ SUITABLE = {
     "libgazebo_ros_imu_sensor.so": ((("frameName", "imu"), ("updateRateHZ", str(RATE))), "/imu_data", "imu"),
     "libgazebo_ros_range.so": ((("topicName", "/range"),), "/range", "ray"),
     "libgazebo_ros_bumper.so": ((), "/bumper_states", "contact"),
+    "libgazebo_ros_camera.so": ((("cameraName", "cam"),), "/cam/image_raw", "camera"),
+    "libgazebo_ros_triggered_camera.so": ((("cameraName", "cam"),), "/cam/image_raw", "camera"),
+    "libgazebo_ros_depth_camera.so": ((("cameraName", "cam"),), "/cam/depth/image_raw", "depth"),
+    "libgazebo_ros_openni_kinect.so": ((("cameraName", "cam"),), "/cam/points", "depth"),
+    "libgazebo_ros_multicamera.so": ((("cameraName", "cam"),), "/cam/left/image_raw", "multicamera"),
+    "libgazebo_ros_velodyne_laser.so": ((("topicName", "/points"),), "/points", "ray"),
+    "libgazebo_ros_velodyne_gpu_laser.so": ((("topicName", "/points"),), "/points", "ray"),
+    "libgazebo_ros_block_laser.so": ((("topicName", "/blocks"),), "/blocks", "ray"),
+    "libhector_gazebo_ros_imu.so": (BODY, "/out", None),
+    "libhector_gazebo_ros_gps.so": (BODY, "/out", None),
+    "libhector_gazebo_ros_magnetic.so": (BODY, "/out", None),
+    "libhector_gazebo_ros_sonar.so": ((("topicName", "/sonar"), HERE), "/sonar", "ray"),
     "libgazebo_ros_ft_sensor.so": ((("jointName", "joint_left_wheel"), ("topicName", "/out"), HERE), "/out", None),
 }
 SILENT = {"libgazebo_ros_force.so", "libm2wr_way_points.so", "libTrajectoryActorPlugin.so",
           "libm2wr_actor_script.so"}                    # publish nothing
+TRIGGERED = {"libgazebo_ros_triggered_camera.so"}       # publish when they are asked to
+VIEWS = {"camera": (CameraView("left", width=16, height=12),), "depth": (CameraView("c", width=16, height=12),),
+         "multicamera": (CameraView("left", width=16, height=12), CameraView("right", width=16, height=12))}
 PERIODS_MS = {"libgazebo_ros_planar_move.so": 51.0}     # more than a period since it last did: 50 + 1, again and again
-ALL = sorted(set(PLUGINS) - SILENT)
+ALL = sorted(set(PLUGINS) - SILENT - TRIGGERED)
 
 
 def robot_with(robot, library, extra=()):
@@ -45,7 +60,7 @@ def robot_with(robot, library, extra=()):
     parameters, _, kind = SUITABLE[library]
     spec = PluginSpec("the plugin", library, parameters + extra, where="here")
     chassis = robot.links[0]
-    sensor = replace(chassis.sensors[0], kind=kind or "ray", plugins=(spec,) if kind else (),
+    sensor = replace(chassis.sensors[0], kind=kind or "ray", cameras=VIEWS.get(kind, ()), plugins=(spec,) if kind else (),
                      contact_collisions=(chassis.collisions[0].name,) if kind == "contact" else ())
     return replace(robot, plugins=() if kind else (spec,),
                    links=(replace(chassis, sensors=(sensor,)),) + robot.links[1:])

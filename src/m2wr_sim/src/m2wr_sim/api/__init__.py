@@ -10,8 +10,9 @@
 Gymnasium environment.
 """
 from m2wr_sim.api.loading import read_robot, read_world
-from m2wr_sim.api.records import Contact, Observation, Odometry, Scan, StepResult
+from m2wr_sim.api.records import Contact, Observation, Odometry, Picture, Scan, StepResult
 from m2wr_sim.api.sim import Sim
 from m2wr_sim.api.vector import VectorSim
 
-__all__ = ["Observation", "Odometry", "Scan", "Sim", "StepResult", "Contact", "VectorSim", "read_robot", "read_world"]
+__all__ = ["Observation", "Odometry", "Picture", "Scan", "Sim", "StepResult", "Contact", "VectorSim", "read_robot",
+           "read_world"]

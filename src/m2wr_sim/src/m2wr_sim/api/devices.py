@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot's drive and lasers with records instead of messages; timing and arithmetic are those of the plugins."""
+"""A robot's drive, lasers and cameras with records instead of messages; timing and arithmetic are those of the plugins."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple, Type, TypeVar
 
-from m2wr_sim.api.records import Odometry, Scan
+import numpy as np
+
+from m2wr_sim.api.records import Odometry, Picture, Scan
 from m2wr_sim.geometry import Quaternion, Vector
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
+from m2wr_sim.plugins.camera import Camera
+from m2wr_sim.plugins.depth_camera import DepthCamera, OpenniKinect
 from m2wr_sim.plugins.diff_drive import DiffDrive
 from m2wr_sim.plugins.laser import Laser
 from m2wr_sim.runtime.ports import Ports
 from m2wr_sim.runtime.simulator import Simulator
 
 if TYPE_CHECKING:
-    import numpy as np
     import numpy.typing as npt
 
 #: When a robot senses: at the rates of its description, at the end of each step, or (lasers) not at all.
@@ -132,8 +135,44 @@ class DirectLaser(Laser):
             self._laser.restart(self._ctx.rng("noise"))     # its bias depends on the seed
 
 
+class DirectCamera(Camera):
+    """A camera, or the colour and depth of a depth camera, that takes pictures on demand.
+
+    Attributes
+    ----------
+    callbacks : list of callable
+        Each gets every Picture; while there is one, pictures are taken at the rate of the description.
+    """
+
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
+        self.callbacks: List[Callable[[Picture], object]] = []
+        super().configure(spec, ctx)
+
+    @property
+    def name(self) -> str:
+        """The sensor's name in the robot description."""
+        return self._ctx.sensor.name
+
+    def wanted(self) -> bool:
+        return bool(self.callbacks)
+
+    def after_step(self, now_ns: int) -> None:
+        if self.awake and self._sensed.due(now_ns) and self._sent.due(now_ns):
+            picture = self.measure_now(now_ns)
+            for callback in self.callbacks:
+                callback(picture)
+
+    def measure_now(self, now_ns: int) -> Picture:
+        """Take and return a picture at ``now_ns`` [ns]; it draws from the noise as any other."""
+        colour, depth = self.measure()
+        pinhole = self._eye.pinhole
+        return Picture(now_ns / 1e9, colour.copy(), np.where(depth < pinhole.far, depth, np.float32(np.inf)),
+                       pinhole.focal)
+
+
 _Device = TypeVar("_Device", bound=Plugin)
-_DIRECT: Dict[Type[Plugin], Type[Plugin]] = {DiffDrive: DirectDrive, Laser: DirectLaser}
+_DIRECT: Dict[Type[Plugin], Type[Plugin]] = {DiffDrive: DirectDrive, Laser: DirectLaser, Camera: DirectCamera,
+                                            DepthCamera: DirectCamera, OpenniKinect: DirectCamera}
 
 
 class DirectSimulator(Simulator):
@@ -152,7 +191,7 @@ class DirectSimulator(Simulator):
         name : str
             Name of the model.
         kind : type
-            :class:`DirectDrive` or :class:`DirectLaser`.
+            :class:`DirectDrive`, :class:`DirectLaser` or :class:`DirectCamera`.
         """
         return [plugin for plugin, _, _ in self.models[name].plugins if isinstance(plugin, kind)]
 

@@ -40,6 +40,28 @@ class Odometry:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """One picture of a camera.
+
+    Attributes
+    ----------
+    time : float
+        Simulated time of the picture [s].
+    colour : (height, width, 3) uint8
+        Red, green, blue.
+    depth : (height, width) float32
+        Distance along the optical axis [m]; inf where nothing is seen.
+    focal : float
+        Focal length [px]; the optical axis is at pixel (width - 1) / 2, (height - 1) / 2.
+    """
+
+    time: float
+    colour: NDArray[np.uint8] = field(repr=False)
+    depth: NDArray[np.float32] = field(repr=False)
+    focal: float
+
+
+@dataclass(frozen=True)
 class Scan:
     """One scan of a laser.
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import numpy as np
 
-from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimulator, SilentPorts
+from m2wr_sim.api.devices import SENSING, DirectCamera, DirectDrive, DirectLaser, DirectSimulator, SilentPorts
 from m2wr_sim.api.loading import read_robot, read_world
-from m2wr_sim.api.records import Contact, Observation, StepResult
+from m2wr_sim.api.records import Contact, Observation, Picture, StepResult
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import NotFoundError, ParameterError
 from m2wr_sim.geometry import compose, quaternion_from_rpy
@@ -208,6 +208,31 @@ class Sim:
     def lasers(self, name: Optional[str] = None) -> Tuple[DirectLaser, ...]:
         """Return the :class:`~m2wr_sim.api.devices.DirectLaser` objects of a robot, by default of the only one."""
         return self._robots[self._name(name)][1]
+
+    def cameras(self, name: Optional[str] = None) -> Tuple[DirectCamera, ...]:
+        """Return the :class:`~m2wr_sim.api.devices.DirectCamera` objects of a robot, by default of the only one."""
+        return tuple(self.simulator.devices(self._name(name), DirectCamera))
+
+    def picture(self, name: Optional[str] = None, camera: int = 0) -> Picture:
+        """Take a picture now.
+
+        Parameters
+        ----------
+        name : str, optional
+            None: the only robot.
+        camera : int
+            Which of the robot's cameras.
+
+        Raises
+        ------
+        NotFoundError
+            If there is no such robot or camera.
+        """
+        cameras = self.cameras(name)
+        if not 0 <= camera < len(cameras):
+            raise NotFoundError("\"%s\" has no camera %d; cameras: %s" % (
+                self._name(name), camera, list_names(each.name for each in cameras)))
+        return cameras[camera].measure_now(self.simulator.now_ns)
 
     def _name(self, name: Optional[str]) -> str:
         if name is None and len(self._robots) == 1:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from m2wr_sim.model.types import ActorScript, Joint, Link
     from m2wr_sim.physics.engine import Engine, LinkState
+    from m2wr_sim.rendering.picture_scene import PictureScene
 
 __all__ = ["NEVER", "LazySensor", "Plugin", "PluginContext", "PluginReader", "driven_joint"]
 
@@ -192,6 +193,10 @@ class PluginContext(abc.ABC):
         """Return the engine's number of a link of this model; a PluginError lists the links that exist."""
 
     @abc.abstractmethod
+    def first_link(self) -> str:
+        """Return the name of the model's first link."""
+
+    @abc.abstractmethod
     def joint(self, name: str) -> int:
         """Return the engine's number of a joint of this model; a PluginError lists the joints that exist."""
 
@@ -250,6 +255,10 @@ class PluginContext(abc.ABC):
     @abc.abstractmethod
     def refresh_scene(self) -> None:
         """Update the poses of all moving obstacles in ``scene``."""
+
+    @abc.abstractmethod
+    def refresh_pictures(self) -> PictureScene:
+        """Return what cameras see, with the poses of all models up to date."""
 
     @abc.abstractmethod
     def rng(self, name: str) -> Generator:

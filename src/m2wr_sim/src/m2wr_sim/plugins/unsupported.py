@@ -22,12 +22,11 @@ _MAY_BE_EMPTY = ("cameraName", "prefix", "robotNamespace")
 _MOST_TOPICS = 10           # listed for one unknown plugin
 _PLACE = re.compile(r"\{(\w+)(?:=([^}]*))?\}")
 
-_RENDERER = "this simulation has no renderer for images"
-_DEPTH = _RENDERER + "; use a ray sensor with libgazebo_ros_laser.so for scans"
+_CAMERAS = "use libgazebo_ros_camera.so"
+_DEPTH = "use libgazebo_ros_openni_kinect.so or libgazebo_ros_depth_camera.so in a sensor of type depth"
 _DRIVES = "use libgazebo_ros_diff_drive.so, libgazebo_ros_skid_steer_drive.so or libgazebo_ros_planar_move.so"
 _PLANAR = "use libgazebo_ros_planar_move.so, which takes the same commands"
-_FLAT = "use libgazebo_ros_laser.so for scans in one plane"
-_IMUS = "use libgazebo_ros_imu_sensor.so or libgazebo_ros_imu.so"
+_LAYERS = "use libgazebo_ros_velodyne_laser.so"
 _FORCES = "use the service apply_body_wrench or libgazebo_ros_force.so"
 _PLACES = "use the service or topic set_model_state"
 _JOINTS = "use the service apply_joint_effort"
@@ -52,18 +51,12 @@ _DRIVE = Missing("drives this robot", "it will not move", "{odometryTopic=odom}"
 _FORCE_DRIVE = _DRIVE._replace(instead=_PLANAR)
 _GAZEBO_DRIVE = Missing("drives this model by Gazebo messages", "it will not move", instead=_DRIVES)
 _MIMIC = Missing("makes joint {mimicJoint} follow joint {joint}", "that joint moves freely", instead=_JOINTS)
-_CLOUD = Missing("measures distances in several layers", "no point cloud", "{topicName=/points}", "", _FLAT)
+_CLOUD = Missing("measures distances in several layers", "no point cloud", "{topicName=/points}", "", _LAYERS)
 _CAMERA = Missing("publishes images", "no images", "{cameraName}/{imageTopicName=image_raw} "
-                  "{cameraName}/{cameraInfoTopicName=camera_info}", "", _RENDERER)
-_STEREO = Missing("publishes images of several cameras", "no images",
-                  "{cameraName}/left/{imageTopicName=image_raw} "
-                  "{cameraName}/right/{imageTopicName=image_raw}", "", _RENDERER)
-_KINECT = Missing("publishes depth images", "no images and no point cloud",
-                  "{cameraName}/{imageTopicName=ir/image_raw} "
-                  "{cameraName}/{depthImageTopicName=depth/image_raw} {cameraName}/{pointCloudTopicName=points}", "",
-                  _DEPTH)
-_REALSENSE = _KINECT._replace(
-    publishes="{prefix}/{colorTopicName} {prefix}/{depthTopicName} {prefix}/{pointCloudTopicName}")
+                  "{cameraName}/{cameraInfoTopicName=camera_info}", "", _CAMERAS)
+_REALSENSE = Missing("publishes depth images", "no images and no point cloud",
+                     "{prefix}/{colorTopicName} {prefix}/{depthTopicName} "
+                     "{prefix}/{pointCloudTopicName}", "", _DEPTH)
 _SLIP = Missing("sets the slip of wheels", "the slip of the description applies", instead=_SURFACE)
 _ACTOR = Missing("animates an actor", "no actor", instead=_PLACES)
 
@@ -127,41 +120,26 @@ UNSUPPORTED = {
     "libTransporterPlugin.so": Missing("moves models from pad to pad", "they do not move", instead=_PLACES),
     "libMudPlugin.so": Missing("simulates mud", "the ground is firm"),
     # -- lasers
-    "libgazebo_ros_block_laser.so": _CLOUD._replace(publishes="{topicName=/world}"),
-    "libgazebo_ros_velodyne_laser.so": _CLOUD,
-    "libgazebo_ros_velodyne_gpu_laser.so": _CLOUD,
     "libgazebo_ros_ouster_laser.so": _CLOUD,
     "libgazebo_ros_livox_laser.so": _CLOUD._replace(publishes="{ros_topic}"),
     "liblivox_laser_simulation.so": _CLOUD._replace(publishes="{ros_topic}"),
     "libgazebo_ros_ray_sensor.so": Missing(
         "publishes a scan, for ROS 2 only", "no scan", instead="use libgazebo_ros_laser.so of ROS 1"),
-    "libhector_gazebo_ros_sonar.so": Missing(
-        "measures a distance", "no range", "{topicName=sonar}", "", "use libgazebo_ros_range.so"),
     # -- cameras
-    "libgazebo_ros_camera.so": _CAMERA,
     "libgazebo_ros_prosilica.so": _CAMERA,
     "libgazebo_ros_thermal_camera.so": _CAMERA,
     "libgazebo_ros_thermal_depth_camera.so": _CAMERA,
-    "libgazebo_ros_triggered_camera.so": _CAMERA._replace(reads="{cameraName}/{triggerTopicName=image_trigger}"),
-    "libgazebo_ros_multicamera.so": _STEREO,
-    "libgazebo_ros_triggered_multicamera.so": _STEREO,
-    "libgazebo_ros_depth_camera.so": _KINECT,
-    "libgazebo_ros_openni_kinect.so": _KINECT,
+    "libgazebo_ros_triggered_multicamera.so": _CAMERA,
     "librealsense_gazebo_plugin.so": _REALSENSE,
     "libgazebo_ros_realsense.so": _REALSENSE,
     "libgazebo_ros_video.so": Missing(
-        "shows images on a surface", "the surface is plain", "", "{topicName=image_raw}", _RENDERER),
+        "shows images on a surface", "the surface is plain", "", "{topicName=image_raw}", "images are not shown in the world"),
     "libgazebo_ros_projector.so": Missing(
-        "projects an image", "no projection", "", "{projectorTopicName} {textureTopicName}", _RENDERER),
+        "projects an image", "no projection", "", "{projectorTopicName} {textureTopicName}", "images are not shown in the world"),
     "libgazebo_video_recorder.so": Missing("records a video", "no file", instead="use image_dump of m2wr_view"),
     "libROSLogicalCameraPlugin.so": Missing(
         "lists the models in view", "no list", instead="use /gazebo/model_states"),
     # -- position, contacts and the rest
-    "libhector_gazebo_ros_imu.so": Missing(
-        "measures rates and accelerations", "no IMU data", "{topicName=imu}", "", _IMUS),
-    "libhector_gazebo_ros_gps.so": Missing(
-        "publishes GPS positions", "no fix", "{topicName=fix} {velocityTopicName=fix_velocity}", "", _TRUTH),
-    "libhector_gazebo_ros_magnetic.so": Missing("measures the magnetic field", "no data", "{topicName=magnetic}"),
     "libhector_gazebo_reset_plugin.so": Missing("reports resets", "resets are not reported", "syscommand"),
     "libgazebo_ros_world_odometry.so": Missing(
         "publishes the true pose", "no odometry", "{topicName=world_odom}", "", _TRUTH),

@@ -21,6 +21,11 @@ _CLOCK = struct.Struct("<3I")
 _SCAN = struct.Struct("<7f")
 _POSE = struct.Struct("<7d")
 _ODOMETRY = struct.Struct("<85d")
+_SIZE = struct.Struct("<2I")
+_IMAGE = struct.Struct("<B2I")
+_FIELD = struct.Struct("<IBI")
+_CLOUD = struct.Struct("<?3I")
+_FLAG = struct.Struct("<?")
 _CACHED_TEXTS = 1000
 _texts: Dict[str, bytes] = {}
 
@@ -91,6 +96,28 @@ def _transforms(message: Any) -> bytes:
     return b"".join(parts)
 
 
+def _image(image: Any) -> bytes:
+    return _framed(image.header, b"".join((
+        _text(image.header.frame_id), _SIZE.pack(image.height, image.width), _text(image.encoding),
+        _IMAGE.pack(image.is_bigendian, image.step, len(image.data)), memoryview(image.data))))
+
+
+def _cloud(cloud: Any) -> bytes:
+    fields = [_text(field.name) + _FIELD.pack(field.offset, field.datatype, field.count) for field in cloud.fields]
+    return _framed(cloud.header, b"".join(
+        [_text(cloud.header.frame_id), _SIZE.pack(cloud.height, cloud.width), _LENGTH.pack(len(fields))] + fields
+        + [_CLOUD.pack(cloud.is_bigendian, cloud.point_step, cloud.row_step, len(cloud.data)), memoryview(cloud.data),
+           _FLAG.pack(cloud.is_dense)]))
+
+
+def _old_cloud(cloud: Any) -> bytes:
+    """Return a :class:`~m2wr_sim.plugins.cloud_laser.CloudOfPoints`, framed."""
+    points, intensities = cloud.points, cloud.intensities
+    return _framed(cloud.header, b"".join((
+        _text(cloud.header.frame_id), _LENGTH.pack(len(points)), points.astype("<f4").tobytes(), _LENGTH.pack(1),
+        _text("intensity"), _numbers(intensities, "<f4", "f"))))
+
+
 def _states(table: Any) -> bytes:
     """Return model or link states of a :class:`~m2wr_sim.plugins.world_states.StateTable`, framed."""
     count = _LENGTH.pack(len(table.names))
@@ -101,7 +128,9 @@ def _states(table: Any) -> bytes:
 
 
 _FAST = {"rosgraph_msgs/Clock": _clock, "sensor_msgs/LaserScan": _scan, "nav_msgs/Odometry": _odometry,
-         "sensor_msgs/JointState": _joint_state, "tf2_msgs/TFMessage": _transforms,
+         "sensor_msgs/JointState": _joint_state, "sensor_msgs/Image": _image, "sensor_msgs/PointCloud2": _cloud,
+         "sensor_msgs/PointCloud": _old_cloud,
+         "tf2_msgs/TFMessage": _transforms,
          "gazebo_msgs/ModelStates": _states, "gazebo_msgs/LinkStates": _states}
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion, Vector
     from m2wr_sim.model.types import Joint, Link, PluginSpec, Sensor
     from m2wr_sim.physics.engine import LinkState
+    from m2wr_sim.rendering.picture_scene import PictureScene
     from m2wr_sim.runtime.entities import LiveModel
     from m2wr_sim.runtime.simulator import Simulator
 
@@ -68,6 +69,9 @@ class ModelContext(PluginContext):
 
     def link(self, name: str) -> int:
         return self._number(self._model.handle.links, "link", name)
+
+    def first_link(self) -> str:
+        return self._first.name if self._spec.scope else self._model.record.links[0].name
 
     def joint(self, name: str) -> int:
         return self._number(self._model.handle.joints, "joint", name)
@@ -156,6 +160,9 @@ class ModelContext(PluginContext):
     def refresh_scene(self) -> None:
         self.measurements += 1
         self._simulator.refresh_scene()
+
+    def refresh_pictures(self) -> PictureScene:
+        return self._simulator.refresh_pictures()
 
     def rng(self, name: str) -> np.random.Generator:
         key = "%s/%s/%s" % (self.model_name, self._spec.name, name)

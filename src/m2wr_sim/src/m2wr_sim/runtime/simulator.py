@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Type
 from m2wr_sim.collector import paused_collector
 from m2wr_sim.errors import LostError, ModelError, NotFoundError
 from m2wr_sim.geometry import compose, rotate, unit_pose
-from m2wr_sim.model.types import Physics
+from m2wr_sim.model.types import Physics, Scene
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.config import SimConfig
 from m2wr_sim.runtime.entities import LiveModel, find_frame, kinematic, list_names, relative
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from m2wr_sim.model.types import Light, Model, ModelStateEntry, World, WorldState
     from m2wr_sim.physics.engine import ContactEvent, Engine, LinkState
     from m2wr_sim.plugins.base import Plugin
+    from m2wr_sim.rendering.picture_scene import PictureScene
     from m2wr_sim.runtime.entities import Relative
     from m2wr_sim.runtime.event_queue import Entry
+    from m2wr_sim.runtime.picture_update import PictureUpdate
     from m2wr_sim.runtime.ports import Ports
     from m2wr_sim.sensors.ray_scene import RayScene
 
@@ -61,6 +63,8 @@ class Simulator:
         self.paused = False
         self.models: Dict[str, LiveModel] = OrderedDict()
         self.lights: Dict[str, Light] = OrderedDict()
+        self.look = Scene()             # ambient light and background, for cameras
+        self._pictures: Optional[PictureUpdate] = None
         self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
         self.contacts: List[ContactEvent] = []
         self.contact_counts: Dict[str, int] = {}
@@ -84,6 +88,7 @@ class Simulator:
             self.config.once_logger.log(logging.INFO, "", "%s", remark)
         self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
         self.lights.update((light.name, light) for light in world.lights)
+        self.look = world.scene
         with paused_collector():
             for record in world.models:
                 try:
@@ -218,6 +223,19 @@ class Simulator:
     def observers(self) -> List[Entry]:
         """The plugins of the world itself."""
         return self.plugins.observers
+
+    @property
+    def lost(self) -> Sequence[str]:
+        """Names of models that left the world and will be deleted before the next step."""
+        return self._lost
+
+    def refresh_pictures(self) -> PictureScene:
+        """Return what cameras see, with all poses up to date; the first call reads meshes and textures."""
+        if self._pictures is None:
+            from m2wr_sim.runtime.picture_update import PictureUpdate  # its kernels are not needed without cameras
+            self._pictures = PictureUpdate(self)
+        self._pictures.look = self.look
+        return self._pictures.refresh()
 
     def refresh_scene(self) -> None:
         """Update the poses in the ray scene if a link may have moved."""
