@@ -122,7 +122,7 @@ def test_heading_90_is_a_world_whose_x_axis_points_east(make):
     assert fix.latitude == pytest.approx(49.9, abs=1e-9) and fix.longitude > 8.9
 
 
-def test_gps_velocity_is_north_west_up_and_covariances_follow_drift_and_noise(make):
+def test_gps_velocity_is_north_west_up(make):
     rig = make(GPS, velocityTopicName="vel", referenceHeading="90", gaussianNoise="0.5 0.5 1", updateRate="10")
     rig.simulator.set_model_state("crate", ((0, 0, 5.0), (0, 0, 0, 1)), (3.0, 1.0, 0.0), (0, 0, 0))
     rig.run(0.25)
@@ -151,7 +151,7 @@ CONE = RayScan(samples=5, min_angle=-0.2, max_angle=0.2, vertical_samples=3, ver
                vertical_max_angle=0.1, range_min=0.1, range_max=4.0)
 
 
-def test_sonar_has_the_shortest_range_of_its_cone_and_the_smaller_angle(make):
+def test_sonar_has_the_shortest_range_of_its_cone(make):
     message = make(SONAR, box("wall", 2.4, 0, 0.5, (0.2, 4, 4)), static=True, ray=CONE).run(0.3).messages("/sonar")[-1]
     assert message.range == pytest.approx(2.0, abs=1e-6) and message.field_of_view == pytest.approx(0.2)
     assert (message.min_range, message.max_range) == pytest.approx((0.1, 4.0))

@@ -108,7 +108,7 @@ def test_round_shapes_have_the_depth_of_the_ray_that_meets_them(kind, half):
         assert abs(camera.depth[60, column] - expected) < 1e-4
 
 
-def test_floor_ends_at_the_edges_of_its_rectangle_and_is_seen_from_above_only():
+def test_floor_ends_at_its_edges_and_is_seen_from_above_only():
     floor = Part(layout.PLANE, (4.0, 4.0, 0.0), WHITE)
     camera = picture(scene_of((floor, ((0.0, 0.0, -1.0), HERE[1]))))
     rows = np.arange(camera.height) - 0.5 * (camera.height - 1)
@@ -159,7 +159,7 @@ def test_culling_by_the_tree_changes_no_pixel():
     np.testing.assert_array_equal(camera.colour, moving.colour)
 
 
-def test_visits_of_the_tree_do_not_grow_with_the_number_of_hidden_obstacles():
+def test_hidden_obstacles_cost_no_visits_of_the_tree():
     wall = Part(layout.BOX, (0.1, 99.0, 99.0), GREEN), ((2.0, 0.0, 0.0), HERE[1])
     visits = []
     for count in (100, 10000):
@@ -244,7 +244,7 @@ def corners_in(colour):
 UPRIGHT = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)]
 
 
-def test_texture_on_the_floor_is_upright_seen_from_above_with_x_to_the_right():
+def test_texture_on_the_floor_is_upright_seen_from_above():
     floor = Part(layout.PLANE, (1.0, 1.0, 0.0), WHITE, quarters()), HERE
     pose = ((0.0, 0.0, 2.0), compose((HERE[0], quaternion_from_rpy(0.0, 0.0, 0.5 * math.pi)),
                                      (HERE[0], quaternion_from_rpy(0.0, 0.5 * math.pi, 0.0)))[1])
@@ -302,7 +302,7 @@ def test_camera_that_is_not_in_the_world_sees_nothing():
         assert np.all(picture(scene, 16, 12, pose=(pose, HERE[1])).depth == 50.0)
 
 
-def test_shape_without_a_finite_pose_is_not_seen_and_hides_no_other():
+def test_shape_without_a_finite_pose_hides_no_other():
     box = Part(layout.BOX, (0.5, 0.5, 0.5), RED)
     for moving in (False, True):
         scene = scene_of((box, ((math.nan, 0.0, 0.0), HERE[1])), (box, ((3.0, 0.0, 0.0), HERE[1])), moving=moving)

@@ -80,7 +80,7 @@ def test_part_scale_and_mirror_of_a_mesh(folder):
 
 
 @pytest.mark.parametrize("picture", ["skin.png", "../materials/textures/floor.png", "C:\\gone\\floor.png"])
-def test_collada_has_the_texture_it_names_or_that_of_the_models_folder(folder, picture):
+def test_collada_has_the_texture_of_its_folders(folder, picture):
     (folder / "meshes" / "a.dae").write_text(DAE % (picture, TEXTURED))
     surface, problems = read_surface_file(MeshFile(str(folder / "meshes" / "a.dae")))
     assert problems == () and list(surface.uses) == [0] and surface.textures[0].pixels.shape == (2, 2, 3)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which pixels a light reaches.  For the arrays see :mod:`picture_layout`.
 
-A ray goes from the surface to the light.  Rays start at every fourth pixel in both directions.  Where the four rays
-around a block of pixels agree and begin on one part, its pixels of this part take the result; other blocks are divided.
-So the outline of a shadow is exact to a pixel; only a shadow that is thinner than four pixels may be missing in places.
+A ray goes from the surface to the light.  Rays start at every fourth pixel in both directions; in pictures of 640 columns
+and more at every eighth, and so on.  Where the four rays around a block of pixels agree and begin on one part, its pixels
+of this part take the result; other blocks are divided.  So the outline of a shadow is exact to a pixel; only a shadow
+that is thinner than the distance of the first rays may be missing in places.
 """
 from __future__ import annotations
 
@@ -40,6 +41,7 @@ from m2wr_sim.rendering.picture_layout import (
 from m2wr_sim.sensors.base_kernels import kernel
 
 BLOCK = 4               # px between rays
+FINEST = 160            # such distances in the width of a picture, at most twice as many
 START = 1e-3            # m, and of the distance to the camera, by which a ray starts above its surface
 FAR_AWAY = 1e9          # m; of a directional light
 TINY = 1e-30            # least direction component
@@ -283,6 +285,8 @@ def find_shadows(lit: Bytes, depth: Depths, owner: Numbers, faces: Numbers, view
     lit[:] = EMPTY
     rays = 0
     size = BLOCK
+    while width >= FINEST * size:
+        size *= 2
     while size >= 1:        # all corners of the large blocks, then of those that are not uniform, and so on
         for j0 in range(0, height + size - 1, size):
             j = min(j0, height - 1)

@@ -96,18 +96,24 @@ def _transforms(message: Any) -> bytes:
     return b"".join(parts)
 
 
+def _framed_parts(header: Any, parts: "Sequence[Any]") -> bytes:
+    """Return a message that begins with a header; large parts are copied once."""
+    stamp = header.stamp
+    return b"".join([_HEADER.pack(12 + sum(map(len, parts)), header.seq, stamp.secs, stamp.nsecs), *parts])
+
+
 def _image(image: Any) -> bytes:
-    return _framed(image.header, b"".join((
+    return _framed_parts(image.header, (
         _text(image.header.frame_id), _SIZE.pack(image.height, image.width), _text(image.encoding),
-        _IMAGE.pack(image.is_bigendian, image.step, len(image.data)), memoryview(image.data))))
+        _IMAGE.pack(image.is_bigendian, image.step, len(image.data)), memoryview(image.data)))
 
 
 def _cloud(cloud: Any) -> bytes:
     fields = [_text(field.name) + _FIELD.pack(field.offset, field.datatype, field.count) for field in cloud.fields]
-    return _framed(cloud.header, b"".join(
-        [_text(cloud.header.frame_id), _SIZE.pack(cloud.height, cloud.width), _LENGTH.pack(len(fields))] + fields
-        + [_CLOUD.pack(cloud.is_bigendian, cloud.point_step, cloud.row_step, len(cloud.data)), memoryview(cloud.data),
-           _FLAG.pack(cloud.is_dense)]))
+    return _framed_parts(cloud.header, [
+        _text(cloud.header.frame_id), _SIZE.pack(cloud.height, cloud.width), _LENGTH.pack(len(fields)), *fields,
+        _CLOUD.pack(cloud.is_bigendian, cloud.point_step, cloud.row_step, len(cloud.data)), memoryview(cloud.data),
+        _FLAG.pack(cloud.is_dense)])
 
 
 def _old_cloud(cloud: Any) -> bytes:
