@@ -52,6 +52,7 @@ _FIELDS = {
                     " Wrench total_wrench, Vector3[] contact_positions, Vector3[] contact_normals, float64[] depths",
     "ContactsState": "Header header, ContactState[] states",
     "Empty": "",
+    "EmptyMessage": "",
     "EmptyResponse": "",
     "Bool": "bool data",
     "Float64": "float64 data",
@@ -141,9 +142,11 @@ class PlainMessage:
 
 
 def _maker(kind: str, array: bool, count: str, classes: Dict[str, type]) -> Callable[[], Any]:
-    element = _PLAIN.get(kind) or classes[kind]
+    element = _PLAIN.get("uint" if kind == "uint8" else kind) or classes[kind]
     if not array:
         return element
+    if kind == "uint8" and not count:
+        return bytes
     size = int(count or 0)
     return lambda: [element() for _ in range(size)]
 
@@ -153,7 +156,8 @@ def _fields(text: str, classes: Dict[str, type]) -> Iterator[Tuple[str, Callable
         found: Optional[re.Match[str]] = _FIELD.fullmatch(field)
         assert found is not None, field
         kind, bits, array, count, name = found.groups()
-        yield name, _maker(kind if kind in _PLAIN else kind + bits, array is not None, count, classes)
+        known = kind in _PLAIN and kind + bits != "uint8"        # arrays of uint8 are bytes
+        yield name, _maker(kind if known else kind + bits, array is not None, count, classes)
 
 
 def _make_classes() -> Dict[str, type]:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
 from m2wr_sim.model.mesh.surfaces import Surface
 from m2wr_sim.model.mesh.textures import Texture
-from m2wr_sim.rendering import output_kernels, raster_kernels, shade_kernels, shadow_kernels, tree_kernels
+from m2wr_sim.rendering import output_kernels, raster_kernels, shade_kernels, shadow_kernels
 from m2wr_sim.rendering import picture_layout as layout
 from m2wr_sim.rendering.picture_scene import Lighting, Part, PictureScene
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 MOST_PIXELS = 8192              # in a row or column
 MOST_IN_ALL = 16 * 2 ** 20      # pixels of a picture
@@ -120,8 +116,8 @@ class Camera:
         if not np.all(np.isfinite(self._view)):
             return 0
         return sum(raster_kernels.draw_tree(
-            self.depth, self._owner, self._faces, self._tiles, self._view, scene.parts, tree.row, tree.nodes, tree.order,
-            scene.meshes, scene.mesh_nodes, scene.triangles) for tree in (scene.moving, scene.resting, scene.ground))
+            self.depth, self._owner, self._faces, self._tiles, self._view, scene.parts, tree.row, tree.nodes,
+            tree.order, scene.meshes, scene.mesh_nodes, scene.triangles) for tree in (scene.moving, scene.resting, scene.ground))
 
 
 def warm_up() -> None:
@@ -145,8 +141,3 @@ def warm_up() -> None:
                          camera.focal, 0.1, 10.0)
     output_kernels.warp(np.empty((4, 3), np.uint8), camera.colour, np.zeros((4, 2), np.int32),
                         np.zeros((4, 2), np.float32))
-
-
-def direction(camera: Camera, column: float, row: float) -> Tuple[float, float, float]:
-    """Return the direction of a pixel in optical axes, with depth 1."""
-    return ((column - 0.5 * (camera.width - 1)) / camera.focal, (row - 0.5 * (camera.height - 1)) / camera.focal, 1.0)

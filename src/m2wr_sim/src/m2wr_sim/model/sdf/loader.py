@@ -155,7 +155,8 @@ def _read_world(node: Node, context: SdfContext) -> World:
         for insertions in stored[0].children("insertions"):
             contents.read(insertions, context)
     world = World(name=node.attribute("name") or "default", models=contents.placed(node), physics=read_physics(node),
-                  lights=tuple(contents.lights.values()), scene=read_scene(node.child("scene")), plugins=tuple(read_plugins(node)), state=read_state(node))
+                  lights=tuple(contents.lights.values()), scene=read_scene(node.child("scene")),
+                  plugins=tuple(read_plugins(node)), state=read_state(node))
     node.done()
     return replace(world, notes=notes.sentences(), remarks=notes.remarks())
 

@@ -166,7 +166,8 @@ def _read_link(node: Node, frames: Frames, static: bool, self_collide: bool, fil
     raw_pose(node)      # marks it as read; the frames have it already
     link = Link(
         name=name, pose=frames.resolve(name), inertial=inertial, collisions=collisions,
-        visuals=_read_shapes(node, "visual", lambda child, pose: read_visual(child, pose, files), frames, name), sensors=tuple(sensors),
+        visuals=_read_shapes(node, "visual", lambda child, pose: read_visual(child, pose, files), frames, name),
+        sensors=tuple(sensors),
         gravity=node.flag("gravity", True), self_collide=node.flag("self_collide", self_collide),
         kinematic=node.flag("kinematic", False),
         linear_damping=decay.number("linear", 0.0), angular_damping=decay.number("angular", 0.0))
