@@ -117,7 +117,8 @@ class Camera:
             return 0
         return sum(raster_kernels.draw_tree(
             self.depth, self._owner, self._faces, self._tiles, self._view, scene.parts, tree.row, tree.nodes,
-            tree.order, scene.meshes, scene.mesh_nodes, scene.triangles) for tree in (scene.moving, scene.resting, scene.ground))
+            tree.order, scene.meshes, scene.mesh_nodes, scene.triangles)
+            for tree in (scene.moving, scene.resting, scene.ground))
 
 
 def warm_up() -> None:

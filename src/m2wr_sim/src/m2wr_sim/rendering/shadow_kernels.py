@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which pixels a light reaches.  For the arrays see :mod:`picture_layout`.
 
-A ray goes from the surface to the light.  Rays start at every fourth pixel in both directions; in pictures of 640 columns
-and more at every eighth, and so on.  Where the four rays around a block of pixels agree and begin on one part, its pixels
-of this part take the result; other blocks are divided.  So the outline of a shadow is exact to a pixel; only a shadow
-that is thinner than the distance of the first rays may be missing in places.
+A ray goes from the surface to the light.  Rays start at every fourth pixel in both directions; in pictures of 640
+columns and more at every eighth, and so on.  Where the four rays around a block of pixels agree and begin on one part,
+its pixels of this part take the result; other blocks are divided.  So the outline of a shadow is exact to a pixel; only
+a shadow that is thinner than the distance of the first rays may be missing in places.
 """
 from __future__ import annotations
 
@@ -151,15 +151,18 @@ def meets_part(point: Ray, ray: Ray, start: float, end: float, skip: int, parts:
     kind = int(parts[number, P_KIND])
     if parts[number, P_SHADOW] == 0.0 or (number == skip and kind != MESH):
         return False
-    x, y, z = point[0] - parts[number, P_POSITION], point[1] - parts[number, P_POSITION + 1], point[2] - parts[number, P_POSITION + 2]
+    x, y, z = (point[0] - parts[number, P_POSITION], point[1] - parts[number, P_POSITION + 1],
+               point[2] - parts[number, P_POSITION + 2])
     a, b, c = P_ROTATION, P_ROTATION + 3, P_ROTATION + 6
-    o = (parts[number, a] * x + parts[number, b] * y + parts[number, c] * z, parts[number, a + 1] * x + parts[number, b + 1] * y + parts[number, c + 1] * z,
+    o = (parts[number, a] * x + parts[number, b] * y + parts[number, c] * z,
+         parts[number, a + 1] * x + parts[number, b + 1] * y + parts[number, c + 1] * z,
          parts[number, a + 2] * x + parts[number, b + 2] * y + parts[number, c + 2] * z)
     d = (parts[number, a] * ray[0] + parts[number, b] * ray[1] + parts[number, c] * ray[2],
          parts[number, a + 1] * ray[0] + parts[number, b + 1] * ray[1] + parts[number, c + 1] * ray[2],
          parts[number, a + 2] * ray[0] + parts[number, b + 2] * ray[1] + parts[number, c + 2] * ray[2])
     if kind == BOX:
-        return _meets_box(o, _inverse(d), parts[number, P_HALF], parts[number, P_HALF + 1], parts[number, P_HALF + 2], start, end)
+        return _meets_box(o, _inverse(d), parts[number, P_HALF], parts[number, P_HALF + 1], parts[number, P_HALF + 2],
+                          start, end)
     if kind == MESH:
         return _meets_mesh(o, d, meshes[int(parts[number, P_MESH])], mesh_nodes, triangles, stack, STACK, start, end)
     if kind == SPHERE or kind == CYLINDER:
