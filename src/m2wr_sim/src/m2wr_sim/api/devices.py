@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot's drive, lasers and cameras with records instead of messages; timing and arithmetic are those of the plugins."""
+"""A robot's drive, lasers and cameras with records instead of messages; times and numbers are those of the plugins."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple, Type, TypeVar

@@ -120,7 +120,7 @@ class Eye:
             return SetCameraInfoResponse(False, "the calibration is for %d x %d pixels; expected %d x %d" % (
                 given.width, given.height, self.info.width, self.info.height))
         if len(given.D) > 100 or not all(map(math.isfinite, numbers)):
-            return SetCameraInfoResponse(False, "a number is not finite, or D has more than 100; expected a calibration")
+            return SetCameraInfoResponse(False, "a number is not finite, or D has over 100; expected a calibration")
         self.info.distortion_model, self.info.D, self.info.K = given.distortion_model, list(given.D), list(given.K)
         self.info.R, self.info.P = list(given.R), list(given.P)
         return SetCameraInfoResponse(True, "kept until the simulation ends")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""libgazebo_ros_velodyne_laser.so (PointCloud2) and libgazebo_ros_block_laser.so (PointCloud): lasers of several layers."""
+"""libgazebo_ros_velodyne_laser.so and libgazebo_ros_block_laser.so: lasers of several layers as point clouds."""
 from __future__ import annotations
 
 import math

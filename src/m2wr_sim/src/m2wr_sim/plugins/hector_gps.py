@@ -19,7 +19,8 @@ class HectorGps(HectorSensor):
     def _set_up(self, spec: PluginReader) -> None:
         self._link, _ = self._body(spec)
         self._frame = self._ctx.frame(spec.text("frameId", "/world"), self._namespace)
-        self._latitude, self._longitude = (spec.number("referenceLatitude", 49.9), spec.number("referenceLongitude", 8.9))
+        self._latitude = spec.number("referenceLatitude", 49.9)
+        self._longitude = spec.number("referenceLongitude", 8.9)
         self._heading = math.radians(spec.number("referenceHeading", 0.0))
         self._altitude = spec.number("referenceAltitude", 0.0)
         if not (abs(self._latitude) <= 90.0 and abs(self._longitude) <= 360.0):

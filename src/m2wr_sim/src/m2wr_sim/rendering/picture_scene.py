@@ -195,7 +195,8 @@ class PictureScene:
         kernels.fill_nodes(nodes, leaves, centres, halves, order)
         looks = self._looks(surface, corners)[order]
         corners = corners[order]
-        triangles = np.concatenate((corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        triangles = np.concatenate((corners[:, 0], *edges), axis=1)
         first = not self._surfaces
         number = len(self._surfaces)
         row = [0 if first else len(self.mesh_nodes), 0 if first else len(self.triangles), len(corners), leaves]

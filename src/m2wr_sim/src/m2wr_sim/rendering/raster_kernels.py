@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Find the nearest surface of each pixel.  For the arrays see :mod:`picture_layout`.
 
-A descent of the tree of parts visits near boxes first.  A box is left out if it is outside of the picture, if no pixel's
-centre lies in its outline, or if every square of pixels that it covers already shows something nearer; so hidden and
-distant parts cost no more than the few large boxes that contain them.  Within its outline each part is intersected
-exactly with the ray of each pixel.  A ray is (u, v, 1) in optical axes, so its parameter is the depth.  As in Gazebo
-only the outer sides of surfaces are seen, and only those beyond the near limit.
+A descent of the tree of parts visits near boxes first.  A box is left out if it is outside of the picture, if no
+pixel's centre lies in its outline, or if every square of pixels that it covers already shows something nearer.  So
+hidden and distant parts cost no more than the few large boxes that contain them.  Within its outline each part is
+intersected exactly with the ray of each pixel.  A ray is (u, v, 1) in optical axes, so its parameter is the depth.  As
+in Gazebo only the outer sides of surfaces are seen, and only those beyond the near limit.
 """
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _tile_depth(depth: Depths, row: int, column: int) -> float:
 
 @kernel
 def hidden(depth: Depths, tiles: Depths, rect: Whole, nearest: float) -> bool:
-    """Return whether all squares in ``rect`` show something nearer.  A square's depth below 0 must be computed again."""
+    """Return whether all squares in ``rect`` show something nearer; a depth below 0 must be computed again."""
     for row in range(rect[2] // TILE, rect[3] // TILE + 1):
         for column in range(rect[0] // TILE, rect[1] // TILE + 1):
             if tiles[row, column] < 0.0:

@@ -124,7 +124,7 @@ def _outside(parts: Floats, number: int, x: float, y: float, z: float, out: Floa
 
 @kernel
 def _face_of(parts: Floats, number: int, kind: int, local: Floats) -> int:
-    """Return which side of a box, cylinder or plane a point is on: 0 to 5 for -x, x, -y, y, -z, z; -1 for a round one."""
+    """Return which side of a box, cylinder or plane a point is on: 0 to 5 for -x, x, ... z; -1 for a round one."""
     if kind == PLANE:
         return 5
     if kind == SPHERE:
