@@ -122,7 +122,8 @@ class Velodyne(CloudLaser):
         directions, distances = self._directions.transpose(1, 0, 2), ranges.T
         rings = np.broadcast_to(self._rings, valid.shape)
         if not self._organised:
-            directions, distances, rings, bright = directions[valid], distances[valid], rings[valid], intensities.T[valid]
+            directions, distances, rings = directions[valid], distances[valid], rings[valid]
+            bright = intensities.T[valid]
         else:
             distances, bright = np.where(valid, distances, np.float32(np.nan)), intensities.T
         points = np.zeros(distances.shape, POINT)
