@@ -257,8 +257,7 @@ def test_calibration_is_set_by_the_service_or_refused(make):
     (dict(near=-1), "clip near -1.0"),
     (dict(inside="</image><noise><type>gaussian</type><stddev>7</stddev></noise><image>"), "stddev 7.0"),
     (dict(inside="</image><distortion><k1>1e9</k1></distortion><image>"), "expected numbers from -100 to 100")])
-def test_impossible_camera_is_refused_with_its_limits(make, caplog, library, options,
-                                                                                    message):
+def test_impossible_camera_is_refused_with_its_limits(make, caplog, library, options, message):
     rig = make(library=library, cameras=("left",), **options).run(0.1)
     assert message in caplog.text and "sensor s" in caplog.text and "eye.sdf" in caplog.text
     assert "This plugin will not run" in caplog.text and rig.simulator.now_ns == 10 ** 8

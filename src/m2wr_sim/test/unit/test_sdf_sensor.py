@@ -70,7 +70,8 @@ def test_elements_of_other_sensor_types_are_reported():
 def test_a_camera_has_the_defaults_of_sdf_and_what_is_written():
     found, notes = sensor("camera", "")
     assert found.cameras == (CameraView(),) and not notes
-    found, notes = sensor("multicamera", """<camera name="left"><pose>0 0.1 0 0 0 0</pose><horizontal_fov>2</horizontal_fov>
+    found, notes = sensor("multicamera", """<camera name="left"><pose>0 0.1 0 0 0 0</pose>
+        <horizontal_fov>2</horizontal_fov>
         <image><width>64</width><height>48</height><format>L8</format></image><clip><near>1</near><far>9</far></clip>
         <distortion><k1>1</k1><k2>2</k2><k3>3</k3><p1>4</p1><p2>5</p2><center>0.4 0.6</center></distortion>
         <noise><type>gaussian</type><mean>0</mean><stddev>0.1</stddev></noise></camera><camera name="right"/>""")

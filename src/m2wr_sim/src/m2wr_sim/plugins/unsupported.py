@@ -23,6 +23,7 @@ _MOST_TOPICS = 10           # listed for one unknown plugin
 _PLACE = re.compile(r"\{(\w+)(?:=([^}]*))?\}")
 
 _CAMERAS = "use libgazebo_ros_camera.so"
+_NOT_SHOWN = "images are not shown in the world"
 _DEPTH = "use libgazebo_ros_openni_kinect.so or libgazebo_ros_depth_camera.so in a sensor of type depth"
 _DRIVES = "use libgazebo_ros_diff_drive.so, libgazebo_ros_skid_steer_drive.so or libgazebo_ros_planar_move.so"
 _PLANAR = "use libgazebo_ros_planar_move.so, which takes the same commands"
@@ -133,9 +134,9 @@ UNSUPPORTED = {
     "librealsense_gazebo_plugin.so": _REALSENSE,
     "libgazebo_ros_realsense.so": _REALSENSE,
     "libgazebo_ros_video.so": Missing(
-        "shows images on a surface", "the surface is plain", "", "{topicName=image_raw}", "images are not shown in the world"),
+        "shows images on a surface", "the surface is plain", "", "{topicName=image_raw}", _NOT_SHOWN),
     "libgazebo_ros_projector.so": Missing(
-        "projects an image", "no projection", "", "{projectorTopicName} {textureTopicName}", "images are not shown in the world"),
+        "projects an image", "no projection", "", "{projectorTopicName} {textureTopicName}", _NOT_SHOWN),
     "libgazebo_video_recorder.so": Missing("records a video", "no file", instead="use image_dump of m2wr_view"),
     "libROSLogicalCameraPlugin.so": Missing(
         "lists the models in view", "no list", instead="use /gazebo/model_states"),

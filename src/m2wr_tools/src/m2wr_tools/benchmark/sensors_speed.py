@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Processor time of cameras and of lasers with several layers, their messages included.
 
-A camera, or a laser, stands in a square with boxes and cylinders of the density of 60 in 16 m by 16 m, and turns by 0.1
-rad from one picture to the next.  The time is that of the plugin and of its messages' bytes, as they are sent; the share
-of a core is that time times the rate of the sensor.
+A camera, or a laser, stands in a square with boxes and cylinders of the density of 60 in 16 m by 16 m, and turns by
+0.1 rad from one picture to the next.  The time is that of the plugin and of its messages' bytes, as they are sent; the
+share of a core is that time times the rate of the sensor.
 """
 from __future__ import annotations
 
@@ -69,7 +69,8 @@ def world_of(obstacles: int, seed: int = 1) -> World:
     while len(models) <= obstacles:
         x, y = draw.uniform(-half, half), draw.uniform(-half, half)
         if math.hypot(x, y) > 2.0:
-            shape = Cylinder(draw.uniform(0.1, 0.4), 1.0) if len(models) % 2 else Box((draw.uniform(0.2, 0.8), 0.5, 1.0))
+            width = draw.uniform(0.2, 0.8)
+            shape = Cylinder(0.5 * width, 1.0) if len(models) % 2 else Box((width, 0.5, 1.0))
             models.append(_model("o%d" % len(models), shape, x, y, 0.5, draw.uniform(-3.0, 3.0), draw.random()))
     return World(models=tuple(models), lights=(_SUN,))
 
