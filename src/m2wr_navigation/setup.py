@@ -4,7 +4,7 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=['m2wr_navigation'] + ['m2wr_navigation.' + layer for layer in (
-        'accuracy', 'barn', 'benchmark', 'best_path', 'compare', 'controllers', 'costmap', 'criteria', 'localization',
-        'methods', 'optimum', 'planners', 'recoveries', 'ros')],
+        'accuracy', 'barn', 'benchmark', 'best_path', 'compare', 'controllers', 'costmap', 'criteria', 'fusion',
+        'localization', 'methods', 'optimum', 'planners', 'recoveries', 'ros')],
     package_dir={'': 'src'},
 ))

@@ -60,7 +60,8 @@ def robot_with(robot, library, extra=()):
     parameters, _, kind = SUITABLE[library]
     spec = PluginSpec("the plugin", library, parameters + extra, where="here")
     chassis = robot.links[0]
-    sensor = replace(chassis.sensors[0], kind=kind or "ray", cameras=VIEWS.get(kind, ()), plugins=(spec,) if kind else (),
+    sensor = replace(chassis.sensors[0], kind=kind or "ray", cameras=VIEWS.get(kind, ()),
+                     plugins=(spec,) if kind else (),
                      contact_collisions=(chassis.collisions[0].name,) if kind == "contact" else ())
     return replace(robot, plugins=() if kind else (spec,),
                    links=(replace(chassis, sensors=(sensor,)),) + robot.links[1:])

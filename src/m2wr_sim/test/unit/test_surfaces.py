@@ -25,19 +25,22 @@ usemtl paint
 f 1 3 2
 """
 MTL = "newmtl skin\nKd 1 1 1\nmap_Kd skin.png\nnewmtl paint\nKd 0.1 0.2 0.3\n"
-DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit meter="0.1"/></asset>
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit meter="0.1"/>
+</asset>
 <library_images><image id="i"><init_from>%s</init_from></image></library_images>
 <library_effects><effect id="e"><profile_COMMON><newparam sid="s"><surface type="2D"><init_from>i</init_from></surface>
 </newparam><newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam><technique sid="c"><lambert><diffuse>
 %s</diffuse></lambert></technique></profile_COMMON></effect></library_effects><library_materials><material id="m">
 <instance_effect url="#e"/></material></library_materials><library_geometries><geometry id="g" name="part"><mesh>
 <source id="p"><float_array id="pa" count="9">0 0 0 10 0 0 0 10 0</float_array><technique_common><accessor source="#pa"
- count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
-</technique_common></source><source id="u"><float_array id="ua" count="6">0 0 1 0 0 1</float_array><technique_common>
+ count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source><source id="u">
+<float_array id="ua" count="6">0 0 1 0 0 1</float_array><technique_common>
 <accessor source="#ua" count="3" stride="2"><param name="S" type="float"/><param name="T" type="float"/></accessor>
 </technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="1"
- material="sym"><input semantic="VERTEX" source="#v" offset="0"/><input semantic="TEXCOORD" source="#u" offset="1" set="0"/>
-<p>0 0 1 1 2 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node
+ material="sym"><input semantic="VERTEX" source="#v" offset="0"/><input semantic="TEXCOORD" source="#u" offset="1"
+ set="0"/><p>0 0 1 1 2 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes>
+<visual_scene id="s"><node
  id="n" name="node"><instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="sym"
  target="#m"/></technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""

@@ -172,7 +172,7 @@ class DirectCamera(Camera):
 
 _Device = TypeVar("_Device", bound=Plugin)
 _DIRECT: Dict[Type[Plugin], Type[Plugin]] = {DiffDrive: DirectDrive, Laser: DirectLaser, Camera: DirectCamera,
-                                            DepthCamera: DirectCamera, OpenniKinect: DirectCamera}
+                                             DepthCamera: DirectCamera, OpenniKinect: DirectCamera}
 
 
 class DirectSimulator(Simulator):

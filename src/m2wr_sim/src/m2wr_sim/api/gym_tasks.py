@@ -84,8 +84,8 @@ class ExplorationEnv(RobotEnv):
 
     Observation: ``scan`` and ``velocity`` of :class:`~m2wr_sim.api.gym_base.RobotEnv`, ``pose`` (3,): x, y [m] and yaw
     [rad] in the world, and ``known`` (256,): the share of cells that were seen, in each of 16 x 16 parts of the area,
-    row after row along y, in a row along x.  The reward of a step is 0.05 for each new cell that a beam crosses, -10 for a contact, which
-    terminates the episode.  After ``time_limit`` it is truncated.
+    row after row along y, in a row along x.  The reward of a step is 0.05 for each new cell that a beam crosses, -10
+    for a contact, which terminates the episode.  After ``time_limit`` it is truncated.
 
     ``reset`` draws start and heading; ``options={"start": (x, y, yaw)}`` sets them.  ``info`` holds ``time`` [s],
     ``contacts`` and ``explored``, the share of all cells.

@@ -223,6 +223,10 @@ class Sim:
         camera : int
             Which of the robot's cameras.
 
+        Returns
+        -------
+        Picture
+
         Raises
         ------
         NotFoundError

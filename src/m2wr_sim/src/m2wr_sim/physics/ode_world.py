@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 
 _Entry = TypeVar("_Entry")
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
-_MOST_DOUBLINGS = 3         # of the extent, with leaves of the same size: beyond 800 m the tree would need too much memory
+_MOST_DOUBLINGS = 3         # of the extent, with leaves of the same size; beyond 800 m the tree needs too much memory
 _SETTLED = 256              # so many new static geoms are put into the leaves together: libode searches a list for each
 
 

@@ -98,7 +98,14 @@ class Eye:
         return picture
 
     def image(self, stamp: Any, picture: npt.NDArray[np.uint8]) -> Image:
-        """Return the message of a picture."""
+        """Return the message of a picture.
+
+        Parameters
+        ----------
+        stamp : Time
+        picture : (height, width, 3) uint8
+            Red, green, blue.
+        """
         message = Image()
         message.header.stamp, message.header.frame_id = stamp, self.info.header.frame_id
         message.height, message.width, message.encoding = self.info.height, self.info.width, self.encoding

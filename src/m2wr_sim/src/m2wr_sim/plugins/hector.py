@@ -14,7 +14,16 @@ DRIFT_FREQUENCY = 1.0 / 3600.0      # Hz
 
 
 def numbers(spec: PluginReader, tag: str, size: int, default: float) -> List[float]:
-    """Return ``size`` numbers of a tag, which may hold a single one for all.
+    """Return the numbers of a tag, which may hold a single one for all.
+
+    Parameters
+    ----------
+    spec : PluginReader
+    tag : str
+    size : int
+        How many numbers.
+    default : float
+        Of all of them, without the tag.
 
     Raises
     ------
@@ -34,7 +43,22 @@ def numbers(spec: PluginReader, tag: str, size: int, default: float) -> List[flo
 
 
 def drift_model(spec: PluginReader, ctx: PluginContext, prefix: str, size: int) -> DriftModel:
-    """Return the errors that the tags with a prefix describe; without a prefix tags begin with a small letter."""
+    """Return the errors that the tags with a prefix describe.
+
+    Parameters
+    ----------
+    spec : PluginReader
+    ctx : PluginContext
+    prefix : str
+        Such as ``accel``; empty: the tags have none, and begin with a small letter.
+    size : int
+        How many numbers each tag holds.
+
+    Raises
+    ------
+    PluginError
+        If a tag holds something else.
+    """
     def read(name: str, default: float) -> List[float]:
         return numbers(spec, prefix + name if prefix else name[0].lower() + name[1:], size, default)
 

@@ -77,9 +77,15 @@ class Camera:
             self.focal, 0.5 * (width - 1), 0.5 * (height - 1), self.near, self.far)
 
     def take(self, scene: PictureScene, colour: bool = True) -> None:
-        """Take a picture at ``pose`` and write it to ``depth`` and, if ``colour``, to ``colour``.
+        """Take a picture at ``pose`` and write it to ``depth`` and ``colour``.
 
         With a pose that is not finite nothing is seen.
+
+        Parameters
+        ----------
+        scene : PictureScene
+        colour : bool
+            Whether colours are needed; otherwise only ``depth`` is written.
         """
         scene.prepare()
         self._place()

@@ -132,7 +132,13 @@ class Distortion:
 
 def distortion_of(coefficients: Sequence[float], width: int, height: int, focal: float,
                   crop: bool) -> Optional[Distortion]:
-    """Return the Distortion, or None if all coefficients are 0; for the parameters see :class:`Distortion`."""
+    """Return the Distortion, or None if all coefficients are 0.
+
+    Parameters
+    ----------
+    coefficients, width, height, focal, crop
+        As for :class:`Distortion`.
+    """
     if not any(coefficients[:5]):
         return None
     return Distortion(coefficients, width, height, focal, crop)

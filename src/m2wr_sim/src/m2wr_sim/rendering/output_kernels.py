@@ -103,7 +103,7 @@ def millimetres(out: NDArray[np.uint16], depth: Depths, least: float, most: floa
 
 @kernel
 def cloud(out: Depths, depth: Depths, colour: Bytes, focal: float, least: float, most: float) -> int:
-    """Write an organised point cloud in optical axes, and return the number of invalid points.
+    """Write an organised point cloud in optical axes.
 
     Parameters
     ----------
@@ -116,6 +116,11 @@ def cloud(out: Depths, depth: Depths, colour: Bytes, focal: float, least: float,
         Focal length [px].
     least, most : float
         A point is valid if its depth [m] is strictly between.
+
+    Returns
+    -------
+    int
+        Number of invalid points.
     """
     height, width = depth.shape
     packed = out.view(np.uint32)

@@ -57,7 +57,15 @@ class Tree:
         self.row = np.zeros(layout.TREE_SIZE, np.int64)
 
     def build(self, parts: Floats, rows: Optional[NDArray[np.int64]] = None) -> None:
-        """Build the tree for the present poses, of other rows if they are given."""
+        """Build the tree for the present poses.
+
+        Parameters
+        ----------
+        parts : (N, P) float64
+            Table of the shapes.
+        rows : (M,) int64, optional
+            Which rows the tree holds from now on; None: the same as before.
+        """
         if rows is not None:
             self.rows = rows
         if self.order.size < self.rows.size:

@@ -57,9 +57,25 @@ if TYPE_CHECKING:
 @kernel
 def outline(x: float, y: float, z: float, hx: float, hy: float, hz: float, view: Floats, rect: Whole,
             width: int, height: int) -> float:
-    """Write the pixels that a box in optical axes may cover, and return its least depth [m], or -1 if there are none.
+    """Write the pixels that a box in optical axes may cover.
 
-    ``rect`` gets the first column, the last one, the first row, the last one.
+    Parameters
+    ----------
+    x, y, z : float
+        Centre of the box [m].
+    hx, hy, hz : float
+        Half of its size [m].
+    view : (V,) float64
+        The camera.
+    rect : (4,) int64
+        Written: first column, last one, first row, last one.
+    width, height : int
+        Of the picture [px].
+
+    Returns
+    -------
+    float
+        Least depth of the box [m]; -1: it covers no pixel.
     """
     low, high = z - hz, z + hz
     if not (high > view[V_NEAR] and low < view[V_FAR]) or hx < 0.0:
@@ -94,7 +110,19 @@ def _tile_depth(depth: Depths, row: int, column: int) -> float:
 
 @kernel
 def hidden(depth: Depths, tiles: Depths, rect: Whole, nearest: float) -> bool:
-    """Return whether all squares in ``rect`` show something nearer; a depth below 0 must be computed again."""
+    """Return whether all squares of pixels in a rectangle show something nearer.
+
+    Parameters
+    ----------
+    depth : (height, width) float32
+        Of the picture so far [m].
+    tiles : (rows, columns) float32
+        Greatest depth in each square [m]; below 0: it is computed again.
+    rect : (4,) int64
+        First column, last one, first row, last one.
+    nearest : float
+        Depth [m].
+    """
     for row in range(rect[2] // TILE, rect[3] // TILE + 1):
         for column in range(rect[0] // TILE, rect[1] // TILE + 1):
             if tiles[row, column] < 0.0:
@@ -350,9 +378,25 @@ def _draw_part(depth: Depths, owner: Numbers, faces: Numbers, tiles: Depths, rec
 
 @kernel
 def part_outline(part: Floats, view: Floats, rect: Whole, width: int, height: int) -> Tuple[float, float]:
-    """Write the outline of a part, and return its least depth, or -1 if it is outside of the picture, and its centre's.
+    """Write the outline of a part: that of its own box, or of its box in world axes, whichever is smaller.
 
-    The outline is that of its own box, or of its box in world axes, whichever is smaller.
+    Parameters
+    ----------
+    part : (P,) float64
+        Row of the part.
+    view : (V,) float64
+        The camera.
+    rect : (4,) int64
+        Written: first column, last one, first row, last one.
+    width, height : int
+        Of the picture [px].
+
+    Returns
+    -------
+    least : float
+        Least depth [m]; -1: it is outside of the picture.
+    centre : float
+        Depth of the centre [m].
     """
     x, y, z = (part[P_POSITION] - view[V_POSITION], part[P_POSITION + 1] - view[V_POSITION + 1],
                part[P_POSITION + 2] - view[V_POSITION + 2])

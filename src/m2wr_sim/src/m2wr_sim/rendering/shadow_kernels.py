@@ -147,7 +147,22 @@ def _meets_mesh(o: Ray, d: Ray, tree: Whole, nodes: Floats, triangles: Floats, s
 @kernel
 def meets_part(point: Ray, ray: Ray, start: float, end: float, skip: int, parts: Floats, number: int, meshes: Whole,
                mesh_nodes: Floats, triangles: Floats, stack: Whole) -> bool:
-    """Return whether a ray meets one part; for the parameters see :func:`blocked`."""
+    """Return whether a ray meets one part.
+
+    Parameters
+    ----------
+    point, ray : (3,) float
+        Start and unit direction [m, -].
+    start, end : float
+        Distances along the ray between which it counts [m].
+    skip : int
+        Row of the part on which the point lies: it shades itself only if it is a mesh.
+    parts : (N, P) float64
+    number : int
+        Row of the part.
+    meshes, mesh_nodes, triangles, stack
+        As for :func:`blocked`.
+    """
     kind = int(parts[number, P_KIND])
     if parts[number, P_SHADOW] == 0.0 or (number == skip and kind != MESH):
         return False

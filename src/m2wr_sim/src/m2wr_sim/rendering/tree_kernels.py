@@ -88,7 +88,15 @@ def sort_boxes(centres: Floats) -> Whole:
 
 @kernel
 def count_leaves(count: int, leaf: int) -> int:
-    """Return the number of leaves, a power of two, for ``count`` elements with at most ``leaf`` in each."""
+    """Return the number of leaves of a tree, a power of two.
+
+    Parameters
+    ----------
+    count : int
+        Number of elements.
+    leaf : int
+        Most elements of a leaf.
+    """
     leaves = 1
     while leaves * leaf < count:
         leaves *= 2

@@ -128,7 +128,14 @@ class MeshReader:
         return MeshFile(self._found(filename, element), filename, (x, y, z))
 
     def folders(self, uris: Sequence[str], element: Any) -> Tuple[str, ...]:
-        """Return the paths of the files and folders of material scripts; those that do not exist are left out."""
+        """Return the paths of the files and folders of material scripts; those that do not exist are left out.
+
+        Parameters
+        ----------
+        uris : sequence of str
+        element : object
+            In which they stand, for messages.
+        """
         return tuple(path for path in (self._found(uri, element, True) for uri in uris if uri) if path)
 
     def _found(self, uri: str, element: Any, folder: bool = False) -> str:

@@ -87,7 +87,15 @@ def read_surface_file(file: MeshFile) -> Tuple[Surface, Tuple[str, ...]]:
 
 
 def plain_surface(corners: Floats, colour: Tuple[float, float, float] = WITHOUT_COLOUR) -> Surface:
-    """Return a Surface of one colour; ``corners`` is (n, 3 corners, 3) [m]."""
+    """Return a Surface of one colour.
+
+    Parameters
+    ----------
+    corners : (N, 3, 3) float64
+        Corners of N triangles [m].
+    colour : (3,) float
+        Red, green, blue, 0 to 1.
+    """
     return Surface(corners, np.tile(np.array(colour, float), (len(corners), 1)))
 
 
