@@ -37,7 +37,7 @@ def test_a_run_keeps_its_key_when_factors_are_added(tmp_path):
     assert before < {task.key for task in tasks(tmp_path, more.replace("repeats: 2", "repeats: 3"))}
 
 
-def test_the_first_runs_are_a_smaller_study_with_all_kinds_of_worlds_and_methods(tmp_path):
+def test_the_first_runs_are_a_smaller_study_of_all_kinds(tmp_path):
     order = balanced(tasks(tmp_path, TEXT.format(3) + "robots: [m2wr]\n"))
     assert [(task.repeat, task.world.number) for task in order] == sorted(
         (task.repeat, task.world.number) for task in order)

@@ -67,7 +67,8 @@ def test_turn_in_a_plain_corridor_is_found_later(turn, askew):
     assert not mapper._history.doubtful
 
 
-@pytest.mark.parametrize("askew, missing, doubtful", [(0.0, 0, 0), (0.0, 1, 0), (0.0, MISSING, 1), (0.17, 0, 0), (0.17, MISSING, 1)])
+@pytest.mark.parametrize("askew, missing, doubtful", [
+    (0.0, 0, 0), (0.0, 1, 0), (0.0, MISSING, 1), (0.17, 0, 0), (0.17, MISSING, 1)])
 def test_without_a_turn_the_path_goes_straight_on(askew, missing, doubtful):
     """Only a slip while scans are missing is doubtful, and stays so as long as no place is seen again.
 

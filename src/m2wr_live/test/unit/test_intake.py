@@ -48,7 +48,7 @@ def test_all_else_is_refused_with_why(message, words):
     assert words in str(caught.value)
 
 
-def test_nobody_waits_for_some_messages_of_real_pages():
+def test_some_messages_of_real_pages_are_ignored():
     assert not check({"type": "FileTransferPartAck"})
 
 

@@ -28,7 +28,7 @@ _READ: Dict[str, Dict[str, object]] = {
     "ViewerCameraMessage": {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3},
     "GuiUpdateMessage": {"uuid": "text"}, "ScenePointerMessage": {}, "TransformControlsUpdateMessage": _GIZMO,
     "TransformControlsDragStartMessage": {"name": "text"}, "TransformControlsDragEndMessage": {"name": "text"}}
-#: Messages that viser's page sends and nobody here waits for.
+#: Messages that viser's page sends and nothing here needs.
 _IGNORED = ("FileTransferPartAck", "GetRenderResponseMessage", "LocalStorageGetItemResponseMessage",
             "GuiButtonHoldMessage")
 
@@ -38,7 +38,7 @@ class Refused(Exception):
 
 
 def check(fields: object) -> bool:
-    """Return whether a message is to be read; false: nobody waits for messages of its type.
+    """Return whether a message is to be read; false: nothing needs messages of its type.
 
     Parameters
     ----------

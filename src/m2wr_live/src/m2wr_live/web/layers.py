@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Switches with which a page hides parts of the scene for itself; the other pages go on showing them."""
+"""Switches with which a page hides parts of the scene for itself; the other pages keep showing them."""
 from __future__ import annotations
 
 from typing import Any
