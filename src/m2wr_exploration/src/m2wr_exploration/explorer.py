@@ -112,18 +112,31 @@ class Explorer:
             return Decision(state=DONE)
         if self.state == RETURNING:
             return self._return(now, pose, result, text)
-        self.view = look(costmap, pose[:2], self.values["min_frontier_size"], self.values["robot_radius"])
+        self.view = self._look(costmap, pose)
         if self.view.reason:
             return Decision(messages=self._once(self.view.reason))
         for entry in self.aside.forget_changed(costmap):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
-        messages += self._judge_last(now, costmap, result, text)
+        messages += self._judge_last(now, costmap, pose, result, text)
         if self._stalls(now, costmap):
             return self._finish("the known area of {:.1f} m^2 has not grown for stall_timeout, {:g} s".format(
                 self._known, self.values["stall_timeout"]), messages)
         if self.values["time_limit"] and now - (self._began or 0.0) > self.values["time_limit"]:
             return self._finish("time_limit of {:g} s is over".format(self.values["time_limit"]), messages)
         return self._choose(now, pose, messages)
+
+    def _look(self, costmap: Costmap, pose: FloatArray) -> View:
+        """Return the frontiers around the robot; if there are none, those around its start, from where it has come.
+
+        A robot in a place in which it cannot turn is cut off from the rest on the map.
+        """
+        least, radius = self.values["min_frontier_size"], self.values["robot_radius"]
+        view = look(costmap, pose[:2], least, radius)
+        if not view.frontiers and self._start is not None:
+            around_start = look(costmap, self._start[:2], least, radius)
+            if around_start.frontiers:
+                return around_start
+        return view
 
     def _stalls(self, now: float, costmap: Costmap) -> bool:
         """Return whether nothing new was seen for too long: so exploration ends, whatever the frontiers do."""
@@ -139,13 +152,12 @@ class Explorer:
 
     # ---- the last goal -----------------------------------------------------------------------------------------
 
-    def _judge_last(self, now: float, costmap: Costmap, result: str, text: str) -> List[str]:
+    def _judge_last(self, now: float, costmap: Costmap, pose: FloatArray, result: str, text: str) -> List[str]:
         """Set the target aside if it failed, made no progress, or shows nothing new."""
-        target, view = self.target, self.view
-        assert view is not None
+        target = self.target
         if target is None or self._goal is None:
             return []
-        away = float(np.hypot(*(self._goal[:2] - view.robot)))
+        away = float(np.hypot(*(self._goal[:2] - pose[:2])))
         if away < self._best - NEARER:
             self._best, self._progress = away, now
         reason = ""
@@ -193,7 +205,7 @@ class Explorer:
             return Decision(messages=tuple(messages))
         heading = math.atan2(*(chosen.centre - chosen.goal)[::-1]) if np.any(chosen.centre != chosen.goal) else pose[2]
         if chosen is not kept:
-            self._best, self._progress = float(np.hypot(*(chosen.goal - view.robot))), now
+            self._best, self._progress = float(np.hypot(*(chosen.goal - pose[:2]))), now
         self.target, self._goal = chosen, np.array([chosen.goal[0], chosen.goal[1], heading])
         return Decision(self._goal.copy(), messages=tuple(messages))
 

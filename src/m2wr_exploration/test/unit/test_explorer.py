@@ -167,3 +167,21 @@ def test_a_robot_between_two_equal_frontiers_keeps_its_goal():
         goals += [] if decision.goal is None else [tuple(decision.goal[:2])]
         pose = pose + np.array([0.02 if now % 2 else -0.02, 0.0, 0.0])
     assert len(goals) == 1
+
+
+def test_a_robot_in_a_narrow_place_is_not_at_the_end():
+    """The place at the left is too narrow for the robot, which has come from the right; there is more to see there."""
+    world = World("""
+####################
+#...############...#
+#...............?..#
+#...############...#
+####################""", resolution=0.2)
+    made = explorer(robot_radius=0.25, min_frontier_size=0.0)
+    costmap = world.truth
+    assert made.step(0.0, costmap, np.array([3.5, 0.5, 0.0])).goal is not None
+    made.target = None
+    narrow = made.step(1.0, costmap, np.array([1.5, 0.5, 0.0]), "aborted")
+    for now in range(2, 12):
+        narrow = made.step(float(now), costmap, np.array([1.5, 0.5, 0.0]))
+        assert narrow.state != DONE
