@@ -7,4 +7,5 @@ setup(**generate_distutils_setup(
         'accuracy', 'barn', 'benchmark', 'best_path', 'compare', 'controllers', 'costmap', 'criteria', 'fusion',
         'localization', 'methods', 'optimum', 'planners', 'recoveries', 'ros')],
     package_dir={'': 'src'},
+    package_data={'m2wr_navigation.methods': ['*.npz']},
 ))

@@ -35,6 +35,7 @@ METHODS: Dict[str, str] = {
     "potential_field": "m2wr_navigation.methods.potential_field:PotentialField",
     "dwa": "m2wr_navigation.methods.dynamic_window:DynamicWindow",
     "mppi": "m2wr_navigation.methods.mppi:Mppi",
+    "learned": "m2wr_navigation.methods.learned:Learned",
 }
 CRITERIA: Dict[str, str] = {
     "length": "m2wr_navigation.criteria.length:Length",

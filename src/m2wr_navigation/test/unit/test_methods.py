@@ -45,7 +45,8 @@ RATIOS = {("world02", "bug0"): 1.3, ("world02", "bug1"): 5.5, ("world02", "bug2"
           ("world03", "bug1"): 6.0, ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
           ("world03", "tangent_bug"): 1.1, ("world03", "vfh_plus"): 1.15, ("world03", "follow_the_gap"): 1.15,
           ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15,
-          ("world02", "mppi"): 1.15, ("world03", "mppi"): 1.15}
+          ("world02", "mppi"): 1.15, ("world03", "mppi"): 1.15,
+          ("world02", "learned"): 2.0, ("world03", "learned"): 1.15}
 
 
 @pytest.mark.parametrize("world, name", sorted(RATIOS))

@@ -207,6 +207,11 @@ def main() -> int:
     values, warnings = read(table, given, rospy.get_name())
     for warning in warnings + unknown(given, table, rospy.get_name()):
         rospy.logwarn("%s", warning)
-    node = MethodNode(values, kind({key: values[key] for key in kind.PARAMETERS}, robot_body()))
+    try:
+        method = kind({key: values[key] for key in kind.PARAMETERS}, robot_body())
+    except ValueError as error:
+        rospy.logfatal("%s", error)
+        return 1
+    node = MethodNode(values, method)
     rospy.spin()
     return 0 if not values["exit_on_goal"] or node.outcome == REACHED else 1
