@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from m2wr_sim.messages import JointState, Odometry, Twist, find_message
+from m2wr_sim.messages import JointState, Odometry, Twist, find_message  # noqa: F401 (controllers find all here)
 
 Header: Any = find_message("std_msgs.msg", "Header")
 Bool: Any = find_message("std_msgs.msg", "Bool")
@@ -43,6 +43,3 @@ SwitchController: Any = find_message("controller_manager_msgs.srv", "SwitchContr
 SwitchControllerResponse: Any = find_message("controller_manager_msgs.srv", "SwitchControllerResponse")
 UnloadController: Any = find_message("controller_manager_msgs.srv", "UnloadController")
 UnloadControllerResponse: Any = find_message("controller_manager_msgs.srv", "UnloadControllerResponse")
-
-__all__ = [name for name in dir() if name[0].isupper() and name != "Any"]
-assert JointState and Odometry and Twist        # also of this module

@@ -200,7 +200,8 @@ def test_the_robot_may_have_another_name_and_absolute_path():
 
 #: Launch files that other ones include, or that run beside a simulation that has the argument.
 _PARTS = {"click_obstacles.launch", "foxglove_bridge.launch", "image_dump.launch", "live.launch", "record.launch",
-          "robot_range.launch", "rosbridge_websocket.launch"}
+          "robot_range.launch", "rosbridge_websocket.launch", "explore_costmap.launch", "teleop.launch",
+          "twist_mux.launch"}
 
 
 def _launch_files():
@@ -208,7 +209,8 @@ def _launch_files():
     top = os.path.join(LAUNCH_DIR, "..", "..", "..")
     found = glob.glob(os.path.join(top, "src", "*", "launch", "*.launch")) + glob.glob(
         os.path.join(top, "dropin", "*", "launch", "*.launch"))
-    inner = {os.path.join("m2wr_sim", "launch", "rviz.launch"), os.path.join("m2wr_view", "launch", "rviz.launch")}
+    inner = {os.path.join("m2wr_sim", "launch", "rviz.launch"), os.path.join("m2wr_view", "launch", "rviz.launch"),
+             os.path.join("explore_lite", "launch", "explore.launch")}
     return [os.path.normpath(path) for path in sorted(found) if os.path.basename(path) not in _PARTS
             and not path.endswith(tuple(inner))]
 

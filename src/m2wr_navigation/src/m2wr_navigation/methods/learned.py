@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional, Tuple
 import numpy as np
 
 from m2wr_navigation.methods.method import COMMON, RUNNING, Decision, Method, View
-from m2wr_navigation.parameters import text
+from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -152,7 +152,7 @@ class Learned(Method):
     """The learned policy."""
 
     PARAMETERS = dict(COMMON, **{
-        "policy": text("", "file of weights; empty: the one of this package"),
+        "policy": Parameter("", "", 0, 0, "file of weights; empty: the one of this package", False),
     })
 
     def __init__(self, values: Mapping[str, Any], body: Optional[RobotBody] = None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Controllers that pass a command on to their joint, or joints: position_, velocity_ and effort_controllers."""
+"""Controllers that pass a command on to their joint or joints, of position, velocity and effort."""
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""GripperActionController of position_ and effort_controllers: closes or opens a joint until it is there, or stalls."""
+"""GripperActionController, of position and effort: closes or opens a joint until it is there, or stalls."""
 from __future__ import annotations
 
 import math

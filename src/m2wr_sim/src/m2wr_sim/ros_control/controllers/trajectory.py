@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""JointTrajectoryController of position_, velocity_ and effort_controllers, with the FollowJointTrajectory action."""
+"""JointTrajectoryController, of position, velocity and effort, with the FollowJointTrajectory action."""
 from __future__ import annotations
 
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence
