@@ -79,7 +79,7 @@ class _Subscription:
     """Keeps the newest messages until the simulation asks for them."""
 
     def __init__(self, topic: str, message_class: type, callback: Callable[[Any], object], mailbox: _Mailbox,
-                 keep: int) -> None:
+                 keep: int = 1) -> None:
         self.callback, self.keep, self._mailbox = callback, keep, mailbox
         self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=keep, tcp_nodelay=True)
 
