@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Worlds with obstacles that move: the same for a seed, shipped ones, what a comparison measures in them."""
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,7 +79,7 @@ def test_only_the_heights_of_the_robot_count():
     world = WORLD.format(shelf)
     low = Comparison(world, (0.0, 0.0, 0.0), (4.0, 0.0))
     assert low.obstacles == [] and low.optimum.length == pytest.approx(4.0, abs=0.1)
-    tall = M2WR_ROBOT.__class__("m2wr", M2WR_ROBOT.body.__class__(**dict(vars(M2WR_ROBOT.body), height=0.5)))
+    tall = M2WR_ROBOT.__class__("m2wr", replace(M2WR_ROBOT.body, height=0.5))
     assert Comparison(world, (0.0, 0.0, 0.0), (4.0, 0.0), robot=tall).optimum.length > 5.0
 
 
