@@ -8,9 +8,8 @@ import logging
 import sys
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
-from m2wr_tools.doctor import environment, frames, graph, installation, launch_check
+from m2wr_tools.doctor import environment, frames, graph, installation
 from m2wr_tools.doctor.finding import LEVELS, OK, problem, warning, worst
-from m2wr_tools.doctor.launch_reader import RobotFile
 from m2wr_tools.doctor.machine import Machine
 
 if TYPE_CHECKING:
@@ -71,6 +70,9 @@ def examine_file(machine: Machine, words: Sequence[str]) -> List[Finding]:
     words : sequence of str
         As for roslaunch: ``[PACKAGE] FILE [NAME:=VALUE ...]``.
     """
+    from m2wr_tools.doctor import launch_check      # loads XML and the readers of robots
+    from m2wr_tools.doctor.launch_reader import RobotFile
+
     names = [word for word in words if ":=" not in word]
     arguments = dict(word.split(":=", 1) for word in words if ":=" in word and not word.startswith("__"))
     packages = installation.PackageList(machine)
