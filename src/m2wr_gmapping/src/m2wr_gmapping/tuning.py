@@ -227,6 +227,8 @@ class Drift:
                               "normal distribution: 98.8 %")
     least: Vector2 = tuned((0.5, 0.1), "m, rad", "Least half width of a search. Corrections by wide searches that "
                            "differ by less agree.", "geometry: several cells of the raster of a wide search")
+    most: float = tuned(30.0, "m", "Greatest half width of a search along x and y; rotations have none.",
+                        "time and memory of a search: both grow with its square")
     near: float = tuned(2.0, "m", "With less drift only the newest scans are searched, and of the old ones those "
                         "within the drift and this.", "geometry: the width of a corridor")
     room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",

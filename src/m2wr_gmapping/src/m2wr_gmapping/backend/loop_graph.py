@@ -194,7 +194,7 @@ class LoopGraph:
         drift_kernels.drift(path, self._history.variances[:len(path)], DRIFT.heading, self._link_nodes, node, out)
         shift = DRIFT.least[0] + DRIFT.deviations * np.sqrt(out[:, 0] + out[:, 1])
         turn = DRIFT.least[1] + DRIFT.deviations * np.sqrt(out[:, 2])
-        return shift, np.minimum(turn, math.pi)
+        return np.minimum(shift, DRIFT.most), np.minimum(turn, math.pi)
 
     def near_link(self, scene: place_search.Scene, near: IndexArray,
                   reach: float = 0.0) -> Tuple[Optional[Link], Any, bool]:

@@ -32,7 +32,8 @@ class ScanGaps:
                 self._gaps += 1
                 self.longest = max(self.longest, stamp - self._last)
                 # the share of such intervals, and an exponential distribution of their lengths
-                self.surprise = max(self.surprise, longer / usual - math.log(self._gaps / self._count))
+                if usual > 0.0:         # some logs give several scans one stamp
+                    self.surprise = max(self.surprise, longer / usual - math.log(self._gaps / self._count))
         self._first = self._first if self._count else stamp
         self._last, self._count = stamp, self._count + 1
 
