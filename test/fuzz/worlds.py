@@ -37,8 +37,8 @@ class Ports(LocalPorts):
         port = self.topics[self.resolve(topic, namespace)] = _Port(self.resolve(topic, namespace))
         return port
 
-    def subscribe(self, topic, message_class, callback, namespace):
-        subscription = super().subscribe(topic, message_class, callback, namespace)
+    def subscribe(self, topic, message_class, callback, namespace, keep=1):
+        subscription = super().subscribe(topic, message_class, callback, namespace, keep)
         subscription.message_class = message_class
         return subscription
 

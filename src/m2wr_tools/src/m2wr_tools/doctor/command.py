@@ -70,7 +70,7 @@ def examine_file(machine: Machine, words: Sequence[str]) -> List[Finding]:
     words : sequence of str
         As for roslaunch: ``[PACKAGE] FILE [NAME:=VALUE ...]``.
     """
-    from m2wr_tools.doctor import launch_check      # loads XML and the readers of robots
+    from m2wr_tools.doctor import launch_check  # loads XML and the readers of robots
     from m2wr_tools.doctor.launch_reader import RobotFile
 
     names = [word for word in words if ":=" not in word]
