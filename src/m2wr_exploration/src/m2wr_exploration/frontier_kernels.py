@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
-
-_LETHAL, _UNKNOWN = 254, 255            # cost_layout.LETHAL, NO_INFORMATION
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -38,7 +38,7 @@ def frontier_groups(costs: Uint8Array, distance: Float32Array) -> Tuple[Int32Arr
     groups = np.zeros((rows, columns), np.int32)
     for row in range(rows):
         for column in range(columns):
-            if costs[row, column] == _UNKNOWN and (
+            if costs[row, column] == NO_INFORMATION and (
                     (row > 0 and distance[row - 1, column] < np.inf)
                     or (row + 1 < rows and distance[row + 1, column] < np.inf)
                     or (column > 0 and distance[row, column - 1] < np.inf)
@@ -122,12 +122,12 @@ def visible(costs: Uint8Array, row: int, column: int, reach: float, rays: int, s
             if not (0 <= r < rows and 0 <= c < columns):
                 break
             cost = costs[r, c]
-            if cost == _UNKNOWN and not through_unknown:
+            if cost == NO_INFORMATION and not through_unknown:
                 break
             if seen[r, c] == 0:
                 seen[r, c] = 1
-                new += cost == _UNKNOWN
-            if cost == _LETHAL:
+                new += cost == NO_INFORMATION
+            if cost == LETHAL:
                 break
     return new
 
@@ -152,5 +152,5 @@ def count_unknown(costs: Uint8Array, cells: IndexArray, reach: int) -> int:
     count = 0
     for row in range(max(0, top - reach), min(costs.shape[0], bottom + reach + 1)):
         for column in range(max(0, left - reach), min(costs.shape[1], right + reach + 1)):
-            count += costs[row, column] == _UNKNOWN
+            count += costs[row, column] == NO_INFORMATION
     return count

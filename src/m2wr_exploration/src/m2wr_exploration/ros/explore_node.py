@@ -235,7 +235,7 @@ class ExploreNode:
             aside = bool(self._explorer.aside.reason(frontier))
             colour = ColorRGBA(0.1, 0.8, 0.2, 1.0) if chosen else (
                 ColorRGBA(0.9, 0.2, 0.1, 1.0) if aside else ColorRGBA(0.1, 0.3, 1.0, 1.0))
-            message.markers.append(self._marker(number, Marker.POINTS, frontier.points, colour, now))
+            message.markers.append(self._marker(number, frontier.points, colour, now))
         for number in range(len(view.frontiers), self._markers):
             gone = Marker(ns="frontiers", id=number, action=Marker.DELETE)
             gone.header.frame_id, gone.header.stamp = view.costmap.frame, now
@@ -243,10 +243,10 @@ class ExploreNode:
         self._markers = len(view.frontiers)
         self._frontiers.publish(message)
 
-    def _marker(self, number: int, kind: int, points: FloatArray, colour: ColorRGBA, now: rospy.Time) -> Marker:
+    def _marker(self, number: int, points: FloatArray, colour: ColorRGBA, now: rospy.Time) -> Marker:
         view = self._explorer.view
         assert view is not None
-        marker = Marker(ns="frontiers", id=number, type=kind, action=Marker.ADD, color=colour)
+        marker = Marker(ns="frontiers", id=number, type=Marker.POINTS, action=Marker.ADD, color=colour)
         marker.header.frame_id, marker.header.stamp = view.costmap.frame, now
         marker.pose.orientation.w = 1.0
         marker.scale.x = marker.scale.y = marker.scale.z = view.costmap.resolution
