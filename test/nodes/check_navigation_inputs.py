@@ -131,6 +131,7 @@ class NavigationInputs(unittest.TestCase):
         self.map.publish(corridor(False))
         self.robot.has_laser = self.robot.has_odometry = self.robot.has_twist = True
         self.robot.laser_frame = "base_link"
+        self.wait_for_stop()                                # or a command to this goal counts as motion to the next
 
     def wait_for_motion(self):
         wait_until(lambda: self.robot.command[0] > 0.05, "the robot to drive", 30.0)
