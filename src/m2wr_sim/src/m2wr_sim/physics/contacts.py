@@ -53,7 +53,7 @@ AGREED = 0.001
 PairSurface = namedtuple(
     "PairSurface",
     "mode mu mu2 slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground "
-    "along along_second")
+    "along along_second slides")
 
 
 def load_class(mass: float) -> float:
@@ -88,7 +88,7 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
     Returns
     -------
     PairSurface or None
-        None if the pair never has contacts.
+        None if the pair never has contacts.  ``slides``: whether its friction is that of :mod:`.sliding`.
     """
     one, two = first.surface, second.surface
     if not one.collide_bitmask & two.collide_bitmask or one.collide_without_contact or two.collide_without_contact:
@@ -119,9 +119,12 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
     along, along_second = _friction_direction(one.fdir1, two.fdir1)
     if any(along):
         mode |= MODE_FDIR1 | MODE_MU2
+    slides = first_is_wheel != second_is_wheel and 0.0 < mu < math.inf and 0.0 < mu2 < math.inf
+    if slides:
+        mode |= MODE_SLIP1 | MODE_SLIP2
     ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
     return PairSurface(mode, mu, mu2, slip1, slip2, bounce, min(one.restitution_threshold, two.restitution_threshold),
-                       soft_erp, soft_cfm, limit, merging, ground, along, along_second)
+                       soft_erp, soft_cfm, limit, merging, ground, along, along_second, slides)
 
 
 def _reduction(first: Collision, second: Collision, wheel: bool, most: int) -> Tuple[int, int]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from m2wr_sim.physics.native_shapes import Geom
     from m2wr_sim.physics.ode_world import Names
     from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts, Shape
+    from m2wr_sim.physics.sliding import Loads
 
 _NOWHERE = 1e300        # m; position of bounds that are not computed yet
 
@@ -80,6 +81,7 @@ class Block:
         self._shapes: List[Shape] = []                  # shape of each geom
         self._angles: Dict[JointDrive, int] = {}        # hinge -> word with its angle
         self._countdowns: Dict[Countdown, int] = {}     # countdown -> its row
+        self._wheels: Dict[str, int] = {}               # name of the geom of a wheel -> word of its load
         self._initial: NDArray[np.uint64] = self.words[:0]
 
     # ---- filling ---------------------------------------------------------------------------------------------------
@@ -105,10 +107,10 @@ class Block:
                 if surface is None:
                     continue
                 at = self._starts[layout.H_PAIRS] + (one_index * count + two_index) * layout.PAIR_WORDS
-                self.values[at:at + 18] = (1.0, surface.mode, surface.mu, surface.mu2, surface.slip1, surface.slip2,
-                                           surface.bounce, surface.bounce_velocity, surface.soft_erp, surface.soft_cfm,
-                                           surface.max_contacts, surface.merge, surface.ground, both_move,
-                                           *surface.along, surface.along_second)
+                self.values[at:at + layout.PAIR_WORDS] = (
+                    1.0, surface.mode, surface.mu, surface.mu2, surface.slip1, surface.slip2, surface.bounce,
+                    surface.bounce_velocity, surface.soft_erp, surface.soft_cfm, surface.max_contacts, surface.merge,
+                    surface.ground, both_move, *surface.along, surface.along_second, surface.slides)
 
     def write_idlers(self, idlers: Sequence[LinkBody], handles: Handles) -> None:
         """Write the bodies that may sleep.
@@ -159,6 +161,9 @@ class Block:
             words[row + layout.G_RESTLESS] = shape.restless
             words[row + layout.G_IDLER] = 0 if shape.countdown is None else idlers.get(shape.countdown, 0)
             library.dGeomSetData(geom._id(), index + 1)
+            if shape.wheel and shape.moves:
+                words[row + layout.G_LOAD] = self._starts[layout.H_LOADS] + len(self._wheels) * layout.LOAD_WORDS
+                self._wheels[shape.name] = int(words[row + layout.G_LOAD])
 
     def write_bodies(self, moving: Sequence[ModelParts], handles: Handles, damped: Sequence[LinkBody]) -> None:
         """Write the movable models and their bodies.
@@ -244,6 +249,8 @@ class Block:
         self.words[states:self._starts[layout.H_IDLERS]] = 0
         self.words[layout.H_STEPS] = 0
         self.write_memory(Memory())
+        for row in self._wheels.values():
+            self.words[row:row + layout.LOAD_WORDS] = 0
         for drive, at in self._angles.items():
             self.values[at] = drive.angle
         for countdown in self._countdowns:
@@ -350,6 +357,28 @@ class Block:
                 self.values[at + 1] = force
                 count += 1
         words[layout.H_FORMER_COUNT] = count
+
+    def loads(self) -> Loads:
+        """Return the normal forces of the last contacts of the wheels."""
+        words, values, loads = self.words, self.values, {}
+        for name, row in self._wheels.items():
+            step, other, at = words[row + layout.L_STEP:row + layout.L_AT + 1].tolist()
+            force = float(values[row + layout.L_FORCE])
+            if at:
+                normal = values[row + layout.L_NORMAL:row + layout.L_ROOM]
+                force = float(abs(values[at] * normal[0] + values[at + 1] * normal[1] + values[at + 2] * normal[2]))
+            if step:
+                loads[name] = step, self._rows[other - 1], force
+        return loads
+
+    def write_loads(self, loads: Loads) -> None:
+        """Write the normal forces of the last contacts of the wheels; contacts of unknown collisions are ignored."""
+        words, rows = self.words, {name: index + 1 for index, name in enumerate(self._rows)}
+        for name, (step, other, force) in loads.items():
+            if name in self._wheels and other in rows:
+                row = self._wheels[name]
+                words[row + layout.L_STEP:row + layout.L_AT + 1] = step, rows[other], 0
+                self.values[row + layout.L_FORCE] = force
 
     def _names(self, row: int, other: int) -> Names:
         """Return the sorted names of two geoms, given by their rows, from 1."""

@@ -152,7 +152,7 @@ class NativeEngine(OdeWorld):
         """Store what the block knows, and have it filled again before the next step."""
         if self._block is not None:
             self._pairs_before = self._block.pairs_in_contact()
-            self._memory = self._block.memory()
+            self._memory, self._loads = self._block.memory(), self._block.loads()
             self._block.read_state()
             self._block.release()
         self._block = None
@@ -162,7 +162,8 @@ class NativeEngine(OdeWorld):
         geoms = [(geom, self._shapes[geom]) for parts in self._parts.values() for geom in parts.geoms]
         classes, representatives = classes_of(shape for _, shape in geoms)
         self._contact_pair_room = max(self._contact_pair_room, 4 * sum(shape.moves for _, shape in geoms))
-        block = self._block = Block(self._sizes(len(geoms), len(representatives)))
+        wheels = sum(shape.wheel and shape.moves for _, shape in geoms)
+        block = self._block = Block(self._sizes(len(geoms), len(representatives), wheels))
         self._write_header(block)
         block.write_pairs(representatives, self.settings)
         block.write_idlers(self._idlers, self._handles)
@@ -177,9 +178,10 @@ class NativeEngine(OdeWorld):
         block.keep_initial()
         block.write_pairs_in_contact(self._pairs_before, self._contact_pair_room)
         block.write_memory(self._memory)
+        block.write_loads(self._loads)
         return block
 
-    def _sizes(self, geoms: int, classes: int) -> Dict[int, int]:
+    def _sizes(self, geoms: int, classes: int, wheels: int) -> Dict[int, int]:
         """Return the sizes of the sections of the block, in words."""
         most_kept, models, bodies = self._most_kept(), len(self._moving), len(self._handles)
         pairs = self._contact_pair_room * layout.CONTACT_PAIR_WORDS
@@ -193,6 +195,7 @@ class NativeEngine(OdeWorld):
             layout.H_DAMPED_LINKS: len(self._damped_links) * layout.DAMPED_WORDS,
             layout.H_BODIES: bodies,
             layout.H_BOUNDS: bodies * layout.BOUNDS_WORDS,
+            layout.H_LOADS: wheels * layout.LOAD_WORDS,
             layout.H_ISLANDS: models * layout.ISLAND_WORDS,
             layout.H_NOW: pairs,
             layout.H_BEFORE: pairs,

@@ -15,6 +15,7 @@ from numba import carray, cfunc, njit, types
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
+from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
     C_BOUNCE,
@@ -36,6 +37,7 @@ from m2wr_sim.physics.step_layout import (
     G_CLASS,
     G_IDLER,
     G_LINK,
+    G_LOAD,
     G_MODEL,
     G_RESTLESS,
     G_WATCHED,
@@ -75,6 +77,7 @@ from m2wr_sim.physics.step_layout import (
     J_SECOND,
     KEY_NUMBERS,
     KEY_ROWS,
+    L_STEP,
     MAX_FOUND,
     MAX_REPORTS,
     MODE_FDIR1,
@@ -91,6 +94,7 @@ from m2wr_sim.physics.step_layout import (
     P_MODE,
     P_MU,
     P_MU2,
+    P_SLIDES,
     P_SLIP1,
     P_SLIP2,
     P_SOFT_CFM,
@@ -281,6 +285,14 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
         words[H_KEPT] = np.uint64(most)
         words[H_COUPLED] = np.uint64(2)
     noted = bool(ground)    # libode reports a pair once per step; the event is that of its first contact
+    load, other = np.int64(0), row_one
+    if values[pair + P_SLIDES] != 0.0:
+        if words[geom_one + G_LOAD] != 0:
+            load, other = np.int64(words[geom_one + G_LOAD]), row_two
+        else:
+            load = np.int64(words[geom_two + G_LOAD])
+        if words[load + L_STEP] == words[H_STEPS]:      # it has a contact in this step already
+            load = np.int64(0)
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
@@ -292,11 +304,15 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
             noted = True
             _add_contact(words, values, min(row_one, row_two), max(row_one, row_two), at)
         _set_surface(words, values, pair, one, two, count, at)
+        if load != 0:
+            slide(words, values, geom_one, geom_two, other, load, pair, at)
         joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))
         _attach(joint, words[geom_one + G_BODY], words[geom_two + G_BODY])
         feedback = np.uint64(0)
         if watched:
             feedback = _report(words, values, joint, geom_one, geom_two, row_one, row_two, at)
+        if load != 0:
+            feedback, load = feel_load(words, values, other, load, at, joint, feedback), np.int64(0)
         if room:
             grip = np.int64(words[H_GRIPS]) + (kept + index) * GRIP_WORDS
             rows = min(row_one, row_two) * np.uint64(KEY_ROWS) + max(row_one, row_two)

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.types import Axis, Collision, Inertial, Model
     from m2wr_sim.physics.native_shapes import Geom
+    from m2wr_sim.physics.sliding import Loads
 
     #: Names of two collisions in contact, sorted.
     Names = Tuple[str, str]
@@ -76,6 +77,7 @@ class OdeWorld(Engine):
         self._watched: FrozenSet[str] = frozenset()
         self._felt_since: Dict[int, int] = {}       # joint -> number of the step before its first measurement
         self._memory = Memory()
+        self._loads: Loads = {}         # of wheels, for the next step
         self._islands = Islands()
         self._iterative = False         # whether all steps are solved iteratively
         self._messages = native_ode.MessageCounter()
@@ -240,6 +242,7 @@ class OdeWorld(Engine):
         names = tuple(link.name + "::" for link in parts.links)
         for pair in [pair for pair in self._pairs_before if any(side.startswith(names) for side in pair)]:
             del self._pairs_before[pair]
+        self._loads = {name: load for name, load in self._loads.items() if not name.startswith(names)}
         for link in parts.links:
             link.geoms, link.body = [], None
         parts.geoms = []
@@ -474,7 +477,7 @@ class OdeWorld(Engine):
         native_ode.seed_random(seed)
 
     def forget(self) -> None:
-        self._steps, self._memory = 0, Memory()
+        self._steps, self._memory, self._loads = 0, Memory(), {}
         self._felt_since = dict.fromkeys(self._felt_since, 0)
         self._pairs_before, self._contact_events = {}, []
         for watch in self._watches:

@@ -18,6 +18,7 @@ from m2wr_sim.physics.coupled_friction import Grip, Memory, solve_coupled
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, ContactEvent
 from m2wr_sim.physics.idle import count_down
 from m2wr_sim.physics.ode_world import OdeWorld
+from m2wr_sim.physics.sliding import first_direction, sliding_slips, slip_velocity
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Vector
@@ -41,6 +42,7 @@ class PyodeEngine(OdeWorld):
         self._felt: List[Tuple[Grip, Geom, Geom, Contact]] = []
         self._grips: List[Grip] = []                                    # all contacts of this step
         self._coupled = False                                           # whether one of them is coupled
+        self._rolling: Dict[str, Tuple[Grip, str]] = {}     # contact of each wheel in this step, with the other shape
         super().__init__(settings)
 
     def _release(self, parts: ModelParts) -> None:
@@ -87,7 +89,7 @@ class PyodeEngine(OdeWorld):
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
             self._islands.clear()
-            self._grips, self._coupled = [], False
+            self._grips, self._rolling, self._coupled = [], {}, False
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
                 if parts.self_colliding:
@@ -97,8 +99,12 @@ class PyodeEngine(OdeWorld):
             if self._idlers:
                 count_down(self._idlers, self._dt)
             iterative = self._solve(world)
+            for wheel, (grip, other) in self._rolling.items():
+                self._loads[wheel] = self._steps, other, grip.normal_force()
             if self._felt:
                 self._hand_out_contacts()
+            for grip, _ in self._rolling.values():
+                grip.joint.setFeedback(False)    # else the binding does it after the joint is freed, and aborts
             group.empty()
             if self._pairs_now or self._pairs_before:
                 self._update_contacts()
@@ -189,17 +195,36 @@ class PyodeEngine(OdeWorld):
             coupled = restless and (both_move or -FLAT < normal[2] < FLAT)
             self._coupled = self._coupled or coupled
             mode = _set_surface(contact, surface, len(found), second if surface.along_second else first)
+            if surface.slides:
+                self._slide(pair, contact, mode, len(found))
             joint = ode.ContactJoint(self._world, self._contact_group, contact)
             joint.attach(one, two)
             model = pair[2].model if one is None else pair[1].model
             grip = Grip(joint, contact, one, two, surface, mode, normal, model, coupled, names + (number,))
             self._grips.append(grip)
+            wheel, other = (pair[1], pair[2]) if pair[1].wheel else (pair[2], pair[1])
+            if surface.slides and wheel.name not in self._rolling:
+                self._rolling[wheel.name] = grip, other.name
+                joint.setFeedback(True)
             if watched:
                 for shape in (pair[1], pair[2]):
                     if shape.body is not None:
                         self._enable(shape)     # a sleeping body is not solved, and has no contact forces
                 joint.setFeedback(True)
                 self._felt.append((grip, first, second, (position, normal, depth)))
+
+    def _slide(self, pair: _Pair, contact: ode.Contact, mode: int, count: int) -> None:
+        """Set the friction of a wheel's contact, one of ``count``, by its slip and its load in the last step."""
+        surface, (wheel, other) = pair[0], (pair[1], pair[2]) if pair[1].wheel else (pair[2], pair[1])
+        slips = 0.0, 0.0
+        step, name, load = self._loads.get(wheel.name, (0, "", 0.0))
+        if step + 1 == self._steps and name == other.name and wheel.name not in self._rolling:
+            position, normal = contact.getContactGeomParams()[:2]
+            first = contact.getFDir1() if mode & MODE_FDIR1 else first_direction(normal)
+            slips = sliding_slips(slip_velocity(position, pair[1].body, pair[2].body), normal, first, surface.mu,
+                                  surface.mu2, load)
+        contact.setSlip1(surface.slip1 * count + slips[0])
+        contact.setSlip2(surface.slip2 * count + slips[1])
 
     def _hand_out_contacts(self) -> None:
         """Pass the contacts of this step, with the forces from the solver, to the watches."""

@@ -20,13 +20,17 @@ H_IDLERS              ``IDLE_WORDS`` words a body that may sleep: body, steps an
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
                       whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
-                      whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none)
+                      whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none),
+                      word of its row in H_LOADS (0 if it is no wheel)
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_ISLANDS             ``ISLAND_WORDS`` words a movable model: last step with a contact, representative of its
                       island (itself or a model before it); for a representative: number of contacts, whether a body is
                       awake, whether to solve the island again, change and greatest of the normal forces
 H_BOUNDS              ``BOUNDS_WORDS`` words a body: radius of a sphere with its geoms, position at the last check
+H_LOADS               ``LOAD_WORDS`` words a wheel: last step with a contact, row of the other geom, word with the
+                      force of that contact (0: the next word is its normal force), normal force, normal, room for a
+                      dJointFeedback
 H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full rotations, integral of its rate since then
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
                       motor of an implicit spring or none, its pull
@@ -47,7 +51,7 @@ import numpy as np
  H_CONTACT_PAIR_ROOM, H_LOG_ROOM, H_MISSED, H_BOUNDED, H_BOUNDS, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
  H_FOUND, H_SLEEPERS, H_DT, H_ISLANDS, H_LARGEST_ISLAND, H_ISLAND_LIMIT, H_ITERATIVE, H_GRIPS, H_STATES, H_KEPT,
  H_COUPLED, H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
- H_FORMER_STEP) = range(60)
+ H_FORMER_STEP, H_LOADS) = range(61)
 HEADER_WORDS = 64
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
@@ -66,17 +70,19 @@ STATE_WORDS, T_FROZEN = 20, 19
 IDLE_WORDS = 3
 I_BODY, I_STEPS, I_TIME = range(IDLE_WORDS)
 
-PAIR_WORDS = 18
+PAIR_WORDS = 19
 (P_VALID, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
- P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(18)
+ P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND, P_SLIDES) = range(19)
 
-GEOM_WORDS = 7
-G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER = range(GEOM_WORDS)
+GEOM_WORDS = 8
+G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER, G_LOAD = range(GEOM_WORDS)
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 BOUNDS_WORDS = 4
 ISLAND_WORDS = 7
 X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(ISLAND_WORDS)
+LOAD_WORDS = 23
+L_STEP, L_OTHER, L_AT, L_FORCE, L_NORMAL, L_ROOM = 0, 1, 2, 3, 4, 7
 HINGE_WORDS = 3
 DAMPED_WORDS = 7
 
