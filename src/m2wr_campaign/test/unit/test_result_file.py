@@ -51,6 +51,35 @@ def test_what_is_stored_is_read_again(path, world):
         assert set(run) == set(RUN_COLUMNS) - {"path"} and run["length"] == 2.5 and run["noise"] is None
 
 
+def test_bags_of_failed_runs_are_kept_and_written(path, tmp_path, capsys):
+    with ResultFile(path, writing=True) as results:
+        results.add(row("b", status="failed", bag=b"first"))
+        results.add(row("b", status="failed", bag=b"second"))      # run again
+        results.add(row("c", bag=b""))
+    with ResultFile(path) as results:
+        assert list(results.bags()) == [("b", b"second")]
+    assert command.main([path, str(tmp_path / "out.csv"), "--bags", str(tmp_path / "bags")]) == 0
+    assert "1 bags in" in capsys.readouterr().out and (tmp_path / "bags" / "b.bag").read_bytes() == b"second"
+
+
+def test_a_method_that_always_fails_keeps_some_bags(path):
+    with ResultFile(path, writing=True) as results:
+        for k in range(result_file.KEPT_BAGS + 5):
+            results.add(row("%04d" % k, status="failed", bag=b"bag"))
+        results.add(row("x", method="bug1", status="failed", bag=b"other"))
+        assert [key for key, _ in results.bags()] == ["%04d" % k for k in range(result_file.KEPT_BAGS)] + ["x"]
+
+
+def test_a_file_of_an_earlier_release_without_bags(path):
+    with sqlite3.connect(path) as data:
+        data.execute("DROP TABLE bags")
+    with ResultFile(path) as results:
+        assert not list(results.bags())
+    with ResultFile(path, writing=True) as results:
+        results.add(row("b", bag=b"it"))
+        assert list(results.bags()) == [("b", b"it")]
+
+
 def test_what_was_committed_survives_kill_9(path):
     child = os.fork()
     if child == 0:

@@ -4,11 +4,14 @@ import os
 import signal
 import time
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Reader
 
 from m2wr_campaign.runner import command, one_run
+from m2wr_campaign.runner.last_seconds import TOPICS, message_types
 from m2wr_campaign.runner.one_run import RunError, finite, perform
 from m2wr_campaign.store.result_file import ResultFile
 from m2wr_campaign.store.schema import RUN_COLUMNS
@@ -102,7 +105,6 @@ def test_a_stop_by_ctrl_c_keeps_what_was_run(study, monkeypatch, capsys):
 
 def test_a_start_inside_of_an_obstacle_is_a_failed_run(study):
     task = all_tasks(read_study(str(study)))[0]
-    from dataclasses import replace
     row = perform(replace(task, world=replace(task.world, key="other", goal=(0.0, 4.73))))
     assert row["status"] == "failed" and "the goal (0.00, 4.73) is" in row["reason"] and row["success"] == 0
 
@@ -146,6 +148,39 @@ def test_a_run_that_fails_keeps_reason_log_and_path(study, monkeypatch, command,
     path = np.frombuffer(zlib.decompress(row["path"]), "<f4").reshape(-1, 2)
     assert len(path) > 1 and row["time"] == pytest.approx(1.05, abs=0.11)
     assert np.hypot(*(path[-1] - path[0])) == pytest.approx(0.2, abs=0.1)
+    assert row["bag"]
+
+
+def test_the_bag_of_a_failed_run_has_its_last_ten_seconds(study, monkeypatch, tmp_path):
+    task = replace(all_tasks(read_study(str(study)))[0], limit=20.0)
+
+    class Late(Broken):
+        PARAMETERS = {}
+
+        def __init__(self, parameters, body):
+            Broken.__init__(self, parameters, body)
+
+        def step(self, sensing):
+            return Decision(0.0, 0.3 if sensing.stamp < 15.0 else float("nan"))
+
+    find = registry.find
+    monkeypatch.setattr(registry, "find", lambda table, name: Late if name == "bug0" else find(table, name))
+    row = perform(task)
+    path = tmp_path / "run.bag"
+    path.write_bytes(row["bag"])
+    types = message_types()
+    found = {}
+    with Reader(path) as reader:
+        assert reader.duration == pytest.approx(9.95e9, abs=1e7) and reader.message_count == 200 * len(TOPICS)
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, []).append(types.deserialize_ros1(data, connection.msgtype))
+    assert set(found) == set(TOPICS)
+    commands, scans, odometry = found["/cmd_vel"], found["/m2wr/laser/scan"], found["/odom"]
+    assert commands[0].angular.z == 0.3 and np.isnan(commands[-1].angular.z)
+    assert len(scans[-1].ranges) == 720 and not np.array_equal(scans[0].ranges, scans[-1].ranges)
+    assert odometry[-1].twist.twist.angular.z == pytest.approx(0.3, abs=0.02)
+    place = found["/base_pose_ground_truth"][-1].pose.pose.position
+    assert (place.x, place.y) == pytest.approx((0.0, 8.0), abs=0.1)
 
 
 def test_a_stored_path_is_bounded(monkeypatch):

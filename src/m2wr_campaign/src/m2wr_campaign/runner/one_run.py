@@ -17,6 +17,7 @@ import numba
 import numpy as np
 
 from m2wr_campaign.programs.examination import ExaminerLost, examined
+from m2wr_campaign.runner.last_seconds import LastSeconds
 from m2wr_campaign.store.result_file import packed_path
 from m2wr_campaign.study.expansion import with_noise
 from m2wr_navigation.compare.comparison import Comparison
@@ -96,7 +97,8 @@ def _place(task: RunTask) -> _Place:
     return places[-1]
 
 
-def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = None) -> Decide:
+def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = None,
+           last: Optional[LastSeconds] = None) -> Decide:
     """Return a function that decides the same, and ends the run if a command is not finite.
 
     Parameters
@@ -104,11 +106,17 @@ def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = N
     decide : callable
     poses : list of (3,) float, optional
         Gets the robot's true pose at each decision [m, m, rad], for the path of a run that fails.
+    last : LastSeconds, optional
+        Gets all else that is known at each decision, for the bag of a run that fails.
     """
     def checked(result: StepResult) -> Decision:
         if poses is not None:
             poses.append(result.pose)
+        if last is not None:
+            last.look(result)
         decision = decide(result)
+        if last is not None:
+            last.decided(decision.linear, decision.angular)
         if not (math.isfinite(decision.linear) and math.isfinite(decision.angular)):
             raise RunError("at {:.2f} s: command ({}, {}); expected finite numbers".format(
                 result.time, decision.linear, decision.angular))
@@ -146,14 +154,15 @@ def perform_here(task: RunTask, decide_with: Optional[Callable[[], Decide]] = No
     wall, cpu = time.monotonic(), time.process_time()
     row = dict(task.factors(), key=task.key, status=DONE, log="", versions=versions())
     poses: List[Tuple[float, float, float]] = []
+    last, body = LastSeconds(PERIOD), task.robot.robot.body
     try:
-        row.update(_measured(task, poses, decide_with))
+        row.update(_measured(task, lambda decide: finite(decide, poses, last), decide_with))
     except (RunError, SimError, NoShortestPathError, ValueError) as error:
         row.update(failed(str(error)))
     except Exception as error:                  # a method of a user may raise anything
         row.update(failed("{}: {}".format(type(error).__name__, error), traceback.format_exc()))
     if row["status"] == FAILED and poses:
-        row.update(path=_path_of(task.robot.robot.body.axles(np.array(poses))), time=_stored(PERIOD * len(poses)))
+        row.update(path=_path_of(body.axles(np.array(poses))), time=_stored(PERIOD * len(poses)), bag=last.bag(body))
     row.update(wall=time.monotonic() - wall, cpu=time.process_time() - cpu)
     return row
 
@@ -184,14 +193,13 @@ def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[st
     return dict(task.factors(), key=task.key, versions=versions(), wall=wall, **failed(reason, log))
 
 
-def _measured(task: RunTask, poses: List[Tuple[float, float, float]],
+def _measured(task: RunTask, watched: Callable[[Decide], Decide],
               decide_with: Optional[Callable[[], Decide]]) -> Dict[str, Any]:
     place = _place(task)
     if decide_with is not None:
-        entry = place.comparison.decided(task.method.name, finite(decide_with(), poses), task.seed)
+        entry = place.comparison.decided(task.method.name, watched(decide_with()), task.seed)
     else:
-        entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters),
-                                       lambda decide: finite(decide, poses))
+        entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters), watched)
     found: Dict[str, Any] = dict(place.measures)
     found.update((name, getattr(entry, name)) for name in (
         "outcome", "reason", "length", "ratio", "time", "clearance", "contacts", "cpu_ms"))

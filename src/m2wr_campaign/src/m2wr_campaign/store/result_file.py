@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any, Dict, Iterable, Iterator, List, Optio
 
 import numpy as np
 
-from m2wr_campaign.store.schema import APPLICATION, RUN_NAMES, TABLES, VERSION, WORLD_NAMES
+from m2wr_campaign.store.schema import APPLICATION, BAGS_TABLE, RUN_NAMES, TABLES, VERSION, WORLD_NAMES
 from m2wr_campaign.study.factors import StudyWorld
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     Row = Dict[str, Any]
 
 PATIENCE = 10.0             # s that another program may lock the file
+KEPT_BAGS = 20              # of failed runs of a method: a bag has half a megabyte, and a broken method fails each time
 LARGEST_BLOB = 50_000_000   # bytes of an uncompressed world or path
 
 
@@ -82,6 +83,8 @@ class ResultFile:
         elif version != VERSION:
             raise StoreError("{}: version {} of the tables; expected version {}: read it with the release that "
                              "wrote it, or name another file".format(self.path, version, VERSION))
+        if writing:
+            self._data.execute(BAGS_TABLE)
         found = self._data.execute("PRAGMA quick_check(1)").fetchone()[0]
         if found != "ok":
             raise sqlite3.DatabaseError(found)
@@ -181,7 +184,8 @@ class ResultFile:
         Parameters
         ----------
         row : dict
-            Value of each column of ``runs``; missing ones are null.
+            Value of each column of ``runs``; missing ones are null. ``bag``, if it is there, is stored beside them;
+            of the runs of a method, only the first KEPT_BAGS.
 
         Raises
         ------
@@ -189,8 +193,15 @@ class ResultFile:
             If it cannot be written; the runs before it stay.
         """
         with self._told():
+            self._data.execute("SAVEPOINT run")
             self._data.execute("INSERT OR REPLACE INTO runs VALUES ({})".format(_marks(RUN_NAMES)),
                                [row.get(name) for name in RUN_NAMES])
+            self._data.execute("DELETE FROM bags WHERE key = ?", (row["key"],))
+            kept, = self._data.execute("SELECT count(*) FROM bags JOIN runs USING (key) WHERE method = ? "
+                                       "AND parameters = ?", (row["method"], row["parameters"])).fetchone()
+            if row.get("bag") and kept < KEPT_BAGS:
+                self._data.execute("INSERT INTO bags VALUES (?, ?)", (row["key"], row["bag"]))
+            self._data.execute("RELEASE run")
 
     def runs(self) -> Iterator[Row]:
         """Yield the runs of the present plan in its order, without their paths."""
@@ -214,6 +225,13 @@ class ResultFile:
         if row is None or row["path"] is None:
             return np.zeros((0, 2))
         return np.frombuffer(_unpacked(row["path"]), "<f4").reshape(-1, 2).astype(float)
+
+    def bags(self) -> Iterator[Tuple[str, bytes]]:
+        """Yield key and bag of each failed run that has one, by key."""
+        with self._told():
+            if self._data.execute("SELECT count(*) FROM sqlite_master WHERE name = 'bags'").fetchone()[0]:
+                for row in self._data.execute("SELECT key, data FROM bags JOIN runs USING (key) ORDER BY key"):
+                    yield row["key"], row["data"]
 
     def close(self) -> None:
         """Close the file; called again it does nothing."""

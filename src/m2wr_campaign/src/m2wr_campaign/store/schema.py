@@ -53,6 +53,9 @@ WORLD_COLUMNS = {
 }
 WORLD_NAMES = tuple(WORLD_COLUMNS)
 
+#: Bags of failed runs. A file without this table, of an earlier release, gets it when runs are added.
+BAGS_TABLE = "CREATE TABLE IF NOT EXISTS bags (key TEXT PRIMARY KEY REFERENCES runs (key), data BLOB NOT NULL)"
+
 TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL, text TEXT NOT NULL)",
     "CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE)",
@@ -60,4 +63,5 @@ TABLES = (
                                                 WORLD_COLUMNS.items())),
     "CREATE TABLE runs ({})".format(", ".join("{} {}".format(name, kind) for name, (kind, _) in
                                               RUN_COLUMNS.items())),
+    BAGS_TABLE,
 )
