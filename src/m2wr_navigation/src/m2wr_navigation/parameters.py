@@ -47,6 +47,23 @@ class Configurable:
 
     #: Parameters below its namespace.
     PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
+    #: Old names of parameters that files still use, with the present ones.
+    ALIASES: ClassVar[Dict[str, str]] = {}
+
+    @classmethod
+    def renamed(cls, given: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return parameters with the present name of each; a value under the present name wins.
+
+        Parameters
+        ----------
+        given : mapping of str to object
+            As files name them.
+        """
+        found = {name: value for name, value in given.items() if name not in cls.ALIASES}
+        for old, present in cls.ALIASES.items():
+            if old in given:
+                found.setdefault(present, given[old])
+        return found
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.values: Dict[str, Any] = dict(values)

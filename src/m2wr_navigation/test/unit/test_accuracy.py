@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from m2wr_navigation.accuracy import command, scenes
+from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals, search
+from m2wr_navigation.barn.runs import move_base_parameters
 
 CONFIG = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "config", "m2wr.yaml")
 
@@ -55,3 +57,9 @@ def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):
                              (["--config", str(tmp_path / "none")], "No such file")):
         assert command.main(arguments) == 1
         assert words in capsys.readouterr().err
+
+
+def test_old_names_of_a_controllers_parameters_count():
+    given = move_base_parameters()
+    values = Navigator(None, given, np.zeros(3)).supervisor.controller.values
+    assert (values["path_distance_bias"], values["goal_distance_bias"]) == (0.75, 1.0)      # pdist_scale, gdist_scale

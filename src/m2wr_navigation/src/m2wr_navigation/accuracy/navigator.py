@@ -107,7 +107,7 @@ class Navigator(Costmaps):
     @staticmethod
     def _made(table: Dict[str, str], name: str, given: Mapping[str, Any]) -> Any:
         kind = registry.find(table, name)
-        return kind(read(kind.PARAMETERS, given.get(registry.short_name(name), {}), name)[0])
+        return kind(read(kind.PARAMETERS, kind.renamed(given.get(registry.short_name(name), {})), name)[0])
 
     def layer_names(self, which: str) -> List[str]:
         return [layer.name for layer in self.maps[which].obstacle_layers()]

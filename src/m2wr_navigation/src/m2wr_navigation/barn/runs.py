@@ -53,7 +53,8 @@ def jackal(max_vel_x: float, max_vel_theta: float) -> Robot:
 
 
 @lru_cache(maxsize=1)
-def _move_base_parameters() -> Dict[str, Any]:
+def move_base_parameters() -> Dict[str, Any]:
+    """Return the parameters of ``config/barn.yaml``."""
     with open(os.path.join(package_folder("m2wr_navigation"), "config", "barn.yaml"), encoding="utf-8") as stream:
         found: Dict[str, Any] = yaml.safe_load(stream)
     return found
@@ -76,7 +77,7 @@ class MoveBaseStack:
     """
 
     def __init__(self, goal: Vector, laser: Vector) -> None:
-        self._stack = Navigator(None, _move_base_parameters(), np.array(laser, float))
+        self._stack = Navigator(None, move_base_parameters(), np.array(laser, float))
         self._goal, self._begun = np.array([goal[0], goal[1], 0.0]), False
 
     def decide(self, result: StepResult) -> Decision:

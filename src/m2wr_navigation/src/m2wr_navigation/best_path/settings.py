@@ -67,10 +67,10 @@ def make_settings(given: Mapping[str, object], place: str) -> Tuple[Settings, Li
     for planner in values["planners"]:
         registry.find(registry.PLANNERS, planner)
     kind, short = registry.find(registry.CONTROLLERS, values["controller"]), registry.short_name(values["controller"])
-    own = dict(_mapping(given.get(short, {})))
+    own = kind.renamed(_mapping(given.get(short, {})))
     if "max_vel_x" in kind.PARAMETERS:
         own.setdefault("max_vel_x", SPEED)
     settings, found = read(kind.PARAMETERS, own, place + "/" + short)
     scorer, more = make_scorer(_mapping(given.get(CRITERIA, {})), place + "/" + CRITERIA)
-    warnings += found + unknown(own, list(kind.PARAMETERS) + list(kind.ALIASES), place + "/" + short) + more
+    warnings += found + unknown(own, kind.PARAMETERS, place + "/" + short) + more
     return Settings(scorer, lambda: kind(settings), values["planners"], values["unknown"]), warnings

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Callable, ClassVar, Dict, Optional
+from typing import TYPE_CHECKING, Callable, Optional
 
 from m2wr_navigation.parameters import Configurable
 
@@ -87,9 +87,6 @@ class Controller(Configurable, ABC):
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
     """
-
-    #: Older names of parameters, each with the present name.
-    ALIASES: ClassVar[Dict[str, str]] = {}
 
     @abstractmethod
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:

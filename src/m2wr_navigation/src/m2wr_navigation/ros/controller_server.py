@@ -49,9 +49,7 @@ class ControllerServer:
         latch = rospy.get_param("~latch_xy_goal_tolerance", None)       # where the real DWA planner looks for it
         if latch is not None:
             given.setdefault("latch_xy_goal_tolerance", latch)
-        for old, present in kind.ALIASES.items():
-            if old in given:
-                given.setdefault(present, given.pop(old))
+        given = kind.renamed(given)
         values, warnings = read(kind.PARAMETERS, given, self._place)
         for sentence in warnings + unknown(given, set(kind.PARAMETERS) | {
                 "controller_frequency", "latch_xy_goal_tolerance", "odom_topic", "global_frame_id"}, self._place):
