@@ -17,6 +17,7 @@ from m2wr_navigation.controllers.sampling import (
     cost_cloud,
     explained,
 )
+from m2wr_navigation.controllers.turn_memory import TurnMemory
 from m2wr_navigation.controllers.velocity_samples import AT_REST, along_axis
 from m2wr_navigation.costmap.footprint_kernels import line_cost
 from m2wr_navigation.parameters import Parameter, flag, text
@@ -81,12 +82,14 @@ class TrajectoryPlanner(SamplingController):
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__(values)
         self._backs_since: Optional[FloatArray] = None      # pose
+        self._turns_here = TurnMemory()
         self._scale, self._used_grids = 1.0, self._grids
 
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:
         super().set_plan(plan, new_goal)
         if new_goal:
             self._backs_since = None
+            self._turns_here.reset()
 
     @property
     def goal_limits(self) -> GoalLimits:
@@ -201,6 +204,7 @@ class TrajectoryPlanner(SamplingController):
             return cost_cloud(situation.costmap, grids, (
                 scale * values["path_distance_bias"], scale * values["goal_distance_bias"], values["occdist_scale"]))
 
+        self._turns_here.look(situation.pose, float(np.hypot(*situation.footprint.T).max(initial=0.0)))
         sample, reason = self._chosen(situation, used)
         if sample is None and (self._oscillation.barred.any() or self._backs_since is not None):
             self._oscillation.reset()       # neither a bar nor the backing must be the only reason
@@ -209,6 +213,8 @@ class TrajectoryPlanner(SamplingController):
         if sample is None:
             return Command(None, reason, np.zeros((0, 3)), used, costs)
         self._oscillation.note(sample, situation.pose, AT_REST)
+        if not sample[:2].any():
+            self._turns_here.note_turn(situation.pose)
         return Command(sample, reason, self.poses(situation, sample, self.acceleration), used, costs)
 
     def _look_at_backing(self, pose: FloatArray) -> None:
@@ -230,9 +236,13 @@ class TrajectoryPlanner(SamplingController):
             failed.append((reasons, places))
             if np.isfinite(totals).any():
                 best, least = ahead[int(np.argmin(totals))], float(totals.min())
+        one_cell = self._scale * (self.values["path_distance_bias"] + self.values["goal_distance_bias"])
+        sides = self._turns_here.allowed_turns(least, one_cell)
         turns = self._in_place(situation)
+        turns = turns[np.isin(np.sign(turns[:, 2]), sides)]
         if len(turns):
-            totals, reasons, places = self._scores(situation, used, turns, True, True)
+            # the way back to the best heading is no oscillation
+            totals, reasons, places = self._scores(situation, used, turns, sides[0] != sides[1], True)
             failed.append((reasons, places))
             good = np.flatnonzero(np.isfinite(totals) & (totals <= least))
             if len(good):
