@@ -50,7 +50,7 @@ class NavigationMethod(unittest.TestCase):
         commands = Recorder("blind_cmd_vel", Twist)
         commands.wait(lambda messages: messages, "a command")
         self.assertEqual((commands.messages[-1].linear.x, commands.messages[-1].angular.z), (0.0, 0.0))
-        wait_until(lambda: self.told("the robot stops: nothing on /blind_scan for 0.5 s"), "the reason")
+        wait_until(lambda: self.told("the robot stops: nothing on /blind_scan for 0.4 s"), "the reason")
         scan = LaserScan(angle_min=-1.0, angle_increment=1e30, ranges=[1.0] * 50, range_max=10.0)
         scans = rospy.Publisher("blind_scan", LaserScan, queue_size=1, latch=True)
         scans.publish(scan)

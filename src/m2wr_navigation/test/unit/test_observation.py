@@ -147,7 +147,7 @@ def test_a_source_with_few_messages_is_late_after_three_seconds(kind, count, lim
 
 
 @pytest.mark.parametrize("count", [4, 20])
-@pytest.mark.parametrize("period, limit", [(0.05, 0.5), (0.4, 1.2)])
+@pytest.mark.parametrize("period, limit", [(0.05, 0.4), (0.4, 0.8)])
 def test_a_regular_source_that_stops_is_late_after_a_few_periods(period, limit, count):
     source = Source("laser", values())
     for k in range(count):

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 MOST_BEAMS = 1000000
 MOST_POINTS = 5000000
 MOST_KEPT = 1000            # observations of a source, with a persistence
-SILENCE = 0.5               # s after which a regular sensor is late
+SILENCE = 0.4               # s after which a regular sensor is late: with a cycle of 0.1 s the robot stops within 0.5 s
+_PERIODS = 2.0              # of the sensor, likewise; a laser of 5 Hz stops the robot as early as a faster one
+UNUSABLE = 0.5              # s after which messages that cannot be used are a fault: a transform may come later
 FIRST = 3.0                 # s, likewise, while its period is not known
 _MEAN_OF = 10               # messages whose period is averaged
 _REGULAR = 3                # periods after which a sensor is known to send regularly
@@ -83,6 +85,7 @@ class Source:
         self.arrived = -math.inf
         self._period, self._count = 0.0, 0      # mean time between two messages [s]
         self._refused_since, self._refusal = math.inf, ""
+        self._is_used = False                   # whether any message could be used
         self._kept: Deque[Observation] = deque(maxlen=MOST_KEPT)
 
     @property
@@ -99,11 +102,20 @@ class Source:
         now : float
             [s]
         """
-        self._refused_since = math.inf
+        self.keep(observation)
+        self.heard(now)
+
+    def keep(self, observation: Observation) -> None:
+        """Take an observation of a message that :meth:`heard` already knows.
+
+        Parameters
+        ----------
+        observation : Observation
+        """
+        self._refused_since, self._is_used = math.inf, True
         if self.values["observation_persistence"] <= 0.0:
             self._kept.clear()
         self._kept.append(observation)
-        self.heard(now)
 
     def refuse(self, now: float, reason: str) -> None:
         """Take note that a message cannot be used, or not yet.
@@ -146,7 +158,7 @@ class Source:
     def limit(self) -> float:
         """Longest time between two messages [s].
 
-        ``expected_update_rate``, or for a sensor that has sent regularly three of its periods, at least 0.5 s. With
+        ``expected_update_rate``, or for a sensor that has sent regularly two of its periods, at least 0.4 s. With
         fewer messages it is 3 s at least; a single cloud may be all that there is, a single scan is not.
         """
         expected: float = self.values["expected_update_rate"]
@@ -154,7 +166,7 @@ class Source:
             return expected
         if self._count == 0 and (self.values["data_type"] != "LaserScan" or self.arrived == -math.inf):
             return math.inf
-        return max(SILENCE if self._count >= _REGULAR else FIRST, 3.0 * self._period)
+        return max(SILENCE if self._count >= _REGULAR else FIRST, _PERIODS * self._period)
 
     def silence(self, now: float) -> float:
         """Return for how long the sensor has been silent [s]; 0 if it is not late."""
@@ -170,10 +182,10 @@ class Source:
             [s]
         """
         since, silence = now - self._refused_since, self.silence(now)
-        if since > SILENCE:
+        if since > UNUSABLE:
             return "no message on topic {} of source {} could be used for {:.1f} s: {}".format(
                 self.topic, self.name, since, self._refusal)
-        if self.arrived == -math.inf:
+        if not self._is_used:
             return "topic {} of source {} has sent nothing{}; without such a sensor, take {} out of " \
                 "observation_sources".format(self.topic, self.name, " that could be used" if self._refusal else " yet",
                                              self.name)

@@ -46,7 +46,7 @@ NODE: Dict[str, Parameter] = {
 }
 LAUNCH_FILE = "best_path.launch"
 MARGIN = 5.0                # m: between start or goal and the edge of the map
-OLD = 0.5                   # s: with odometry or scans older than this the robot stops
+OLD = 0.4                   # s: with odometry or scans older than this the robot stops; with a turn within 0.5 s
 START = 5.0                 # s in which the first messages may come without a warning
 SHOWN = 1.0                 # s between two maps
 EXPLORER = "Bug 2"

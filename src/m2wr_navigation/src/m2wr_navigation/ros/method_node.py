@@ -36,8 +36,8 @@ PARAMETERS: Dict[str, Parameter] = {
     "goal_y": Parameter(math.inf, "m", -math.inf, math.inf, "the same", False),
     "exit_on_goal": flag(False, "end when the goal is reached (exit code 0) or cannot be (1)", False),
 }
-STALE = 0.5                 # s without a scan or odometry, after which the robot stops
-CHECKED = 0.1               # s between two looks at the age of messages
+STALE = 0.4                 # s without a scan or odometry, after which the robot stops; with CHECKED within 0.5 s
+CHECKED = 0.05              # s between two looks at the age of messages
 MOST_BEAMS = 100000
 WIDEST = 4.0 * math.pi      # rad: greatest angle of a scan, so that all angles are exact
 

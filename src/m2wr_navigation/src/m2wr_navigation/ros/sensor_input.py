@@ -59,6 +59,7 @@ class SensorInput:
         if fault:
             rospy.logwarn_throttle(SELDOM, self._sentence(message, fault))
             return
+        self._source.heard(rospy.get_time())        # now: the costmap may take the message in much later
         with self._lock:
             self._waiting.append(message)
 
@@ -91,7 +92,7 @@ class SensorInput:
                     rospy.logwarn_throttle(SELDOM, self._sentence(message, str(error)))
                 continue
             try:
-                self._source.add(self._observation(message, found.transform), now)
+                self._source.keep(self._observation(message, found.transform))
             except ObservationError as error:
                 self._source.refuse(now, str(error))
                 rospy.logwarn_throttle(SELDOM, self._sentence(message, str(error)))
