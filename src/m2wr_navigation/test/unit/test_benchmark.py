@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from m2wr_navigation.benchmark import command, grids
+from m2wr_navigation.benchmark import command, grids, localization
 
 
 @pytest.mark.parametrize("name", ["open", "blocks", "rooms"])
@@ -38,3 +38,8 @@ def test_dwa_takes_less_than_half_of_the_original():
     # a quarter on a machine that does nothing else; CPU times rise by half beside other work
     row = command.controller_row(0, "DWAPlannerROS", command._DWA, 6.6)
     assert int(row.task.split()[1]) >= 800 and row.cpu_ms < 0.5 * row.original_ms
+
+
+def test_amcl_takes_less_than_a_fifth_of_the_original():
+    # a tenth on a machine that does nothing else
+    assert localization.field_time(3000, 60, 0) < 0.2 * localization.ORIGINAL_MS[3000, 60]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Callable, Iterator, List, Mapping, Optional, T
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.benchmark import grids
+from m2wr_navigation.benchmark import grids, localization
 from m2wr_navigation.benchmark.reference import NAMES, NoReferenceError, reference_path
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
@@ -234,6 +234,9 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
     yield cycle_row(seed)
     yield controller_row(seed, "DWAPlannerROS", _DWA, 6.6)
     yield controller_row(seed, "TrajectoryPlannerROS", {"holonomic_robot": False}, None)
+    for (particles, beams), original in localization.ORIGINAL_MS.items():
+        yield Row("amcl, likelihood field, {} particles x {} beams".format(particles, beams),
+                  localization.field_time(particles, beams, seed), original)
     for size in [384, 800] + [LARGE] * large:
         for scene, (costmap, start, goal) in grids.scenes(size, seed).items():
             if scene == "blocks":
@@ -247,7 +250,7 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(prog="benchmark", description="CPU times of costmaps, planners, controllers "
+    parser = argparse.ArgumentParser(prog="benchmark", description="CPU times of costmaps, planners, controllers, amcl "
                                      "beside those of the C++ navigation stack on one core at 2.6 GHz.")
     parser.add_argument("--quick", action="store_true", help="leave out the grids of 4000 x 4000 cells")
     parser.add_argument("--seed", type=int, default=0, help="seed of the grids (default 0)")
