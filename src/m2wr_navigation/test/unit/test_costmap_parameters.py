@@ -57,8 +57,12 @@ def test_a_source_beside_the_layer_beats_a_written_one():
 
 
 def test_a_voxel_layer_works_as_an_obstacle_layer_and_says_so():
-    layers, warnings = by_name(dict(OLD, map_type="voxel"))
-    assert layers["obstacle_layer"].kind == "costmap_2d::ObstacleLayer" and "without heights" in warnings[0]
+    given = dict(OLD, map_type="voxel", z_voxels=10, obstacle_layer={"mark_threshold": 2})
+    layers, warnings = by_name(given)
+    assert layers["obstacle_layer"].kind == "costmap_2d::ObstacleLayer"
+    assert len(warnings) == 1 and warnings[0].endswith("mark cells; no effect: z_voxels, mark_threshold")
+    assert not any("z_voxels" in sentence for sentence in unknown_names(given, list(layers.values()), "~"))
+    assert "no effect" not in by_name(dict(OLD, map_type="voxel"))[1][0]
 
 
 @pytest.mark.parametrize("plugins", ["static", [{"name": "a"}], [3], [{"name": 1, "type": "x"}]])

@@ -138,6 +138,19 @@ def test_a_bar_that_leaves_no_velocity_is_lifted():
     assert command.velocity is not None and command.velocity[2] > 0.6
 
 
+@pytest.mark.parametrize("name", ["DWAPlannerROS", "TrajectoryPlannerROS"])
+def test_a_new_plan_to_the_same_goal_keeps_the_bars(name):
+    local = made(registry.find(registry.CONTROLLERS, name))
+    plan = straight((2.0, 0.0, 0.0))
+    local.set_plan(plan, True)
+    for rate in (0.6, -0.6):
+        local._oscillation.note(np.array([0.0, 0.0, rate]), np.zeros(3), 0.1)
+    local.set_plan(plan, False)
+    assert local._oscillation.barred[2].tolist() == [0.0, 1.0]
+    local.set_plan(plan, True)
+    assert not local._oscillation.barred.any()
+
+
 def test_a_robot_in_an_obstacle_does_not_back_into_a_far_one():
     """Its front is in a wall; 0.3 m behind it there is another one."""
     for distance, speed in ((2.0, -0.5), (0.3, 0.0)):

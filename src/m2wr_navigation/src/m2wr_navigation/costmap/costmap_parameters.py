@@ -38,9 +38,10 @@ _OBSTACLE = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_u
              "footprint_clearing_enabled", "combination_method")
 _INFLATION = ("cost_scaling_factor", "inflation_radius", "inflate_unknown")
 _OWNED = {"StaticLayer": _STATIC, "ObstacleLayer": _OBSTACLE, "VoxelLayer": _OBSTACLE, "InflationLayer": _INFLATION}
+# of the columns of a VoxelLayer
+_HEIGHTS = ("origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
 _KNOWN_BESIDE = {"plugins", "static_map", "map_type", "footprint_topic", "published_footprint_topic", "obstacle_range",
-                 "raytrace_range", "footprint_layer", "origin_z", "z_resolution", "z_voxels", "unknown_threshold",
-                 "mark_threshold", "publish_voxel_map", "groups"}
+                 "raytrace_range", "footprint_layer", "groups", *_HEIGHTS}
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,10 @@ def layer_settings(given: Mapping[str, Any], place: str) -> Tuple[List[LayerSett
         if short in ("ObstacleLayer", "VoxelLayer"):        # what the start before has written must not win
             merged.update((source, given[source]) for source in _sources(given) if isinstance(given.get(source), dict))
         if short == "VoxelLayer":
-            warnings.append("layer {}/{}: a VoxelLayer works here as an ObstacleLayer, without heights".format(
-                place, name))
+            heights = [each for each in _HEIGHTS if each in merged or each in given]
+            warnings.append("layer {}/{}: a VoxelLayer works here as an ObstacleLayer: points between "
+                            "min_obstacle_height and max_obstacle_height mark cells{}".format(
+                                place, name, "; no effect: " + ", ".join(heights) if heights else ""))
             kind = "costmap_2d::ObstacleLayer"
         layers.append(LayerSetting(name, kind, merged))
     return layers, warnings
