@@ -37,7 +37,7 @@ def field_time(particles: int, beams: int, seed: int) -> float:
     cells = np.where(grids.blocks(SIDE, random) > 0, 100, 0).astype(np.int8)
     middle = 0.5 * SIDE * grids.RESOLUTION
     grid = LocalizationMap.from_message(cells.ravel(), SIDE, SIDE, grids.RESOLUTION, (0.0, 0.0, 0.0))
-    scan = Beams.from_scan(random.uniform(0.5, 0.9 * REACH, beams),
+    scan = Beams.from_scan(random.uniform(0.5, 0.9 * REACH, beams).tolist(),
                            ScanGeometry(-math.pi, 2.0 * math.pi / beams, 0.05, REACH),
                            ((0.1, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
     values = {name: parameter.default for name, parameter in PARAMETERS.items()}
