@@ -39,7 +39,7 @@ def test_after_a_full_turn_the_robot_goes_to_the_best_heading(best, side):
         assert headings[end] == pytest.approx(best + 2.0 * math.pi, abs=0.3) and set(allowed[end:]) == {NONE}
 
 
-def test_the_best_heading_counts_where_its_cost_is_not_met_again():
+def test_the_best_heading_counts_if_its_cost_does_not_return():
     headings = np.arange(0.0, 4.0 * math.pi, STEP)
     allowed = turned(TurnMemory(), np.where(np.arange(len(headings)) == 10, 1.0, 20.0))
     assert headings[allowed.index(NONE)] == pytest.approx(headings[10] + 2.0 * math.pi, abs=0.11)
