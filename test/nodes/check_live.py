@@ -75,6 +75,12 @@ class Live(LiveChanges):
             wait_until(lambda: "paused" not in one.status(), "a page without \"paused\"")
             self.assertEqual(phone.errors(), [])
 
+    def test_status_never_covers_the_panel(self):
+        self.addCleanup(self.page.resize_to_window)
+        for width in (1400, 900, 760, 600):
+            self.page.resize(width, 700)
+            wait_until(lambda: not self.page.covers_panel(), "a status beside the panel at %d pixels" % width)
+
     def test_nodes_frames_and_parameters_are_listed(self):
         self.page.unfold("Nodes, frames, parameters")
         for text in ("publishes /clock", "link_chassis", "max_update_rate = "):

@@ -18,7 +18,7 @@ _FLAGS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable
 _SCALE = 2                  # pixels of the page, along each side, for a pixel that is drawn: a quarter of the work
 _DRAWN = 180.0              # s in which a film is drawn, with low priority
 #: Lists of the panel: their options, as far as tests choose them.
-_LISTS = (("free", "follow", "top"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
+_LISTS = (("free", "follow the robot", "from above"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
           ("select and drag", "send a goal", "place a box", "place a cylinder",
            "place the model barrel"))
 _START = 60.0               # s of wall time in which a page is drawn by software
@@ -85,6 +85,25 @@ class Page:
             "for (; found && found.id !== 'root'; found = found.parentElement)"
             " { least = Math.min(least, found.getBoundingClientRect().height); }"
             "return least"))
+
+    def resize(self, width, height):
+        """Give the page another size [pixels] than that of its window, until ``resize_to_window``."""
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+            "width": width, "height": height, "deviceScaleFactor": 0, "mobile": False})
+
+    def resize_to_window(self):
+        """Give the page the size of its window."""
+        self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+    def covers_panel(self):
+        """Return whether the longest status possible lies over the panel."""
+        return self.driver.execute_script(
+            "const status = document.getElementById('m2wr-status'), text = status.textContent;"
+            "let panel = [...document.querySelectorAll('#root button')].find((one) => one.textContent === 'pause');"
+            "while (panel && getComputedStyle(panel).zIndex === 'auto') { panel = panel.parentElement; }"
+            "status.textContent = 'word '.repeat(40);"
+            "const right = status.getBoundingClientRect().right;"
+            "status.textContent = text; return right > panel.getBoundingClientRect().left")
 
     def joystick(self):
         """Return whether the joystick is shown."""

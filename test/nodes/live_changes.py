@@ -36,7 +36,7 @@ class LiveChanges(LiveCase):
         goals = Recorder("/move_base_simple/goal", PoseStamped)
         self.addCleanup(goals.close)
         page.choose("free")
-        page.choose("top")
+        page.choose("from above")
         page.choose("send a goal")
 
         def goal_at(*pixel):
@@ -164,7 +164,7 @@ class LiveChanges(LiveCase):
         self.simulation.spawn(MARKUP, CRATE, (2.0, 0.0, 0.5, 0.0), kind="sdf")
         self.addCleanup(self.simulation.call, "delete_model", MARKUP)
         page = self.page
-        page.choose("top")
+        page.choose("from above")
         page.choose("select and drag")
         wait_until(lambda: page.elements("input", MARKUP, "value") or any(
             page.click(x, 278) for x in range(440, 560, 15)), "the name in the panel")

@@ -11,16 +11,17 @@
     parent.appendChild(element);
     return element;
   };
-  const status = add(document.body, "div", "m2wr-status");
+  const corner = add(document.body, "div", "m2wr-corner");
   const error = add(document.body, "div", "m2wr-error");
-  const drive = add(document.body, "div", "m2wr-drive");
+  const drive = add(corner, "div", "m2wr-drive");
+  const status = add(corner, "div", "m2wr-status");
   const pad = add(drive, "div", "m2wr-pad");
   const knob = add(pad, "div", "m2wr-knob");
   const robot = add(drive, "select", "m2wr-robot");
   const hint = add(drive, "div", "m2wr-hint");
   pad.title = "drag to drive; or use the arrow keys";
   robot.title = "topic of the commands";
-  hint.textContent = "arrow keys or drag";
+  const HINT = "arrow keys or drag";
   const pressed = new Set();
   let joystick = [0, 0], socket = null, sent = [0, 0], timer = null, hide = null, retry = 200;
 
@@ -36,7 +37,6 @@
     const lines = message.lines || [];
     status.textContent = lines.join("\n");
     status.style.display = lines.length ? "block" : "none";
-    if (message.error_text) { say(message.error_text); }
     const topics = message.drive || [];
     drive.style.display = topics.length ? "block" : "none";
     const known = Array.from(robot.options).map((option) => option.value);
@@ -50,6 +50,8 @@
       if (topics.includes(chosen)) { robot.value = chosen; }
       robot.style.display = topics.length > 1 ? "block" : "none";
     }
+    const others = (message.others || {})[robot.value];
+    hint.textContent = others ? HINT + "; " + others + " drives too" : HINT;
   };
 
   const wanted = () => {

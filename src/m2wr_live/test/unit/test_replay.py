@@ -98,6 +98,20 @@ def test_the_slider_jumps_forward_and_back(player):
     assert player._scene.beams["/scan"][0, 1, 0] == pytest.approx(2.0, abs=0.06)
 
 
+def test_plots_begin_again_after_a_jump(player):
+    def measured(wall):
+        player._pages.measure(wall, [], None, [], {})
+        return player._pages._series.columns()
+    for tick in range(20):
+        player.advance(0.1)
+        times = measured(0.1 * tick)[0]
+    assert times[0] < 0.5 and len(times) >= 3
+    player._slider.value = 8.0
+    player.advance(0.1)
+    columns = measured(3.0)
+    assert columns[0].tolist() == pytest.approx([8.0], abs=0.2) and columns[3].tolist() == [0.0]
+
+
 def test_the_page_is_served(player):
     port = player._pages.viser.get_port()
     with urllib.request.urlopen("http://localhost:%d/" % port, timeout=10) as answer:

@@ -171,9 +171,9 @@ class Live:
 
     def _measure(self, wall: float) -> None:
         self._pages.problems = self._inbox.problems
-        topics = self._driver.topics if self._control else []
+        driver = self._driver if self._control else None
         self._pages.measure(wall, self._pages.solids.blocking, self._actions.paused() if self._actions else None,
-                            topics)
+                            driver.topics if driver else [], driver.others if driver else {})
 
     def _look(self) -> None:
         """Look for topics and descriptions that have appeared."""

@@ -150,7 +150,7 @@ class Player:
                 self._pages.draw()
                 if wall - measured > 0.25:
                     measured = wall
-                    self._pages.measure(wall, self._pages.solids.blocking, not self._playing.value, [])
+                    self._pages.measure(wall, self._pages.solids.blocking, not self._playing.value, [], {})
                 time.sleep(max(0.002, 1.0 / RATE - (time.monotonic() - wall)))
         finally:
             self._pages.server.stop()
@@ -221,6 +221,7 @@ class Player:
     def _jump(self) -> List[Tuple[float, str, Any]]:
         """Begin again with an empty run; return the messages up to now."""
         self._scene.forget_run()
+        self._pages.forget_run()
         self._scene.now = 0.0
         self._scene.grids, self._scene.paths, self._scene.particles = {}, {}, {}
         self._scene.annotations = {}

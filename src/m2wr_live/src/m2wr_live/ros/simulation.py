@@ -202,6 +202,7 @@ class Driver:
         self._heard: Dict[str, float] = {}
         self._lock = threading.Lock()
         self.topics: List[str] = []
+        self.others: Dict[str, str] = {}        # topic -> another node that publishes on it
 
     def find(self, node: str) -> None:
         """Look for topics with velocities to which a node other than this one listens.
@@ -214,10 +215,13 @@ class Driver:
         master = rosgraph.Master(node)
         try:
             kinds = dict(master.getTopicTypes())
-            listened = [topic for topic, nodes in master.getSystemState()[1] if set(nodes) - {node}]
+            published, subscribed, _ = master.getSystemState()
         except (rosgraph.MasterException, OSError):
             return
-        self.topics = sorted(topic for topic in listened if kinds.get(topic) == "geometry_msgs/Twist")[:MOST_TOPICS]
+        self.topics = sorted(topic for topic, nodes in subscribed if set(nodes) - {node}
+                             and kinds.get(topic) == "geometry_msgs/Twist")[:MOST_TOPICS]
+        drivers = {topic: sorted(set(nodes) - {node}) for topic, nodes in published if topic in self.topics}
+        self.others = {topic: nodes[0][:60] for topic, nodes in drivers.items() if nodes}
         for topic in self.topics:
             if topic not in self._publishers:
                 self._publishers[topic] = rospy.Publisher(topic, Twist, queue_size=1, tcp_nodelay=True)

@@ -51,7 +51,6 @@ class Pages:
         self._lock = threading.Lock()
         self._plots: List[Any] = []
         self._shown_tables: List[Any] = []
-        self._error = ""
         self.problems: List[str] = []       # what is not shown, and why
         self.sections: List[overview.Section] = []
         self.viser.gui.configure_theme(show_logo=False, show_share_button=False)
@@ -100,10 +99,6 @@ class Pages:
 
     # ---- drawing -----------------------------------------------------------------------------------------------
 
-    def say(self, text: str) -> None:
-        """Show what is wrong on all pages; empty: nothing is."""
-        self._error = text
-
     def draw(self) -> None:
         """Send what has changed; called up to thirty times a second."""
         with self.viser.atomic():
@@ -112,7 +107,12 @@ class Pages:
             panel.set_robots(list(self.source.robots))
             panel.follow()
 
-    def measure(self, wall: float, obstacles: List[Outline], paused: Optional[bool], topics: List[str]) -> None:
+    def forget_run(self) -> None:
+        """Begin the plots again, after a jump in a recording."""
+        self._series, self._factor = Series(), RealTimeFactor()
+
+    def measure(self, wall: float, obstacles: List[Outline], paused: Optional[bool], topics: List[str],
+                others: Dict[str, str]) -> None:
         """Update status and plots; called a few times a second.
 
         Parameters
@@ -125,6 +125,8 @@ class Pages:
             Whether the simulation is paused; None: not known.
         topics : list of str
             On which pages may drive.
+        others : dict of str to str
+            Topic -> another node that drives on it.
         """
         source = self.source
         robot = next(iter(source.robots.values()), None)
@@ -144,6 +146,8 @@ class Pages:
         contacts = contacts_of(source.values)
         lines = ["time  %.1f s%s" % (source.now, "   paused" if paused else ""),
                  "real-time factor  %.2f" % factor]
+        if not source.now and robot is None:
+            lines.append("waiting for the simulation")
         if robot is not None:
             lines.append("clearance  %s" % ("no obstacle near" if clearance is None else "%.2f m" % clearance))
             lines.append("contacts  %s" % (contacts.get(robot.name, 0) if contacts or source.values else "not known"))
@@ -157,7 +161,7 @@ class Pages:
             lines.append("robots  %d" % len(source.robots))
         if source.markers.left_out:
             lines.append("%d shapes are not shown" % source.markers.left_out)
-        self.server.status = {"lines": lines, "drive": topics, "error_text": self._error}
+        self.server.status = {"lines": lines, "drive": topics, "others": others}
 
     def _show_table(self) -> None:
         """Show the tables of the scene, if they have changed."""

@@ -25,7 +25,7 @@ log = logging.getLogger("m2wr_live")
 
 SELECT, GOAL, PLACE, MODEL = "select and drag", "send a goal", "place a ", "place the model "
 AS_IT_IS = "as it is"
-FREE, FOLLOW, TOP = "free", "follow", "top"
+FREE, FOLLOW, TOP = "free", "follow the robot", "from above"
 _HEIGHT = 14.0              # m above the robot of the camera from above
 _START = np.array((-5.0, -5.0, 4.5))        # m from what the page looks at first
 _JUMP = 2.0                 # m in one picture; the camera follows at once
@@ -97,7 +97,7 @@ class Panel:
         with gui.add_folder("Simulation", order=1):
             pause = gui.add_button_group("Time", ("pause", "continue", "step"))
             self._speed = SpeedList(gui, actions, self.attempt)
-            reset = gui.add_button("Reset the world", hint="all models go back to where they began")
+            reset = gui.add_button("Reset the world", color="gray", hint="all models go back to where they began")
             world = gui.add_dropdown("World", (AS_IT_IS,) + tuple(actions.worlds()),
                                      hint="its models replace those that are there; robots stay")
         orders: Dict[str, Callable[[], None]] = {"pause": actions.pause, "continue": actions.resume,
@@ -119,7 +119,7 @@ class Panel:
     def _make_recording(self, actions: Actions) -> None:
         gui = self._client.gui
         with gui.add_folder("Recording", order=4, expand_by_default=False):
-            record = gui.add_button_group("Topics", ("record", "stop"))
+            record = gui.add_button_group("All topics", ("record", "stop"))
             add_downloads(gui, actions.bag, actions.film)
 
         @record.on_click
@@ -129,13 +129,13 @@ class Panel:
     def _make_clicks(self, actions: Actions) -> None:
         gui, client = self._client.gui, self._client
         with gui.add_folder("Click in the scene", order=2):
-            self._mode = gui.add_dropdown("to", (SELECT, GOAL) + tuple(PLACE + kind for kind in PLACEABLE)
+            self._mode = gui.add_dropdown("Action", (SELECT, GOAL) + tuple(PLACE + kind for kind in PLACEABLE)
                                           + tuple(MODEL + name for name in actions.models()))
             self._scale = gui.add_slider("Size", min=0.2, max=4.0, step=0.1, initial_value=1.0, visible=False)
             self._yaw = gui.add_slider("Heading [deg]", min=-180.0, max=180.0, step=5.0, initial_value=0.0,
                                        visible=False)
             self._shown = gui.add_text("Selected", initial_value="nothing", disabled=True)
-            self._delete = gui.add_button("Delete it", disabled=True)
+            self._delete = gui.add_button("Delete the selected model", disabled=True)
 
         @self._mode.on_update
         def _(_event: Any) -> None:
@@ -158,7 +158,7 @@ class Panel:
         gui, client = self._client.gui, self._client
         with gui.add_folder("Camera", order=3):
             self._camera = gui.add_dropdown("View", (FREE, FOLLOW, TOP))
-            self._robot = gui.add_dropdown("Robot", ("the first",))
+            self._robot = gui.add_dropdown("Robot", ("the first",), visible=False)
         client.camera.up_direction = (0.0, 0.0, 1.0)
 
         @self._camera.on_update
@@ -269,7 +269,7 @@ class Panel:
         """Offer these robots for the camera."""
         options = tuple(["the first"] + [name[:40] for name in names])
         if len(names) > 1 and tuple(self._robot.options) != options:
-            self._robot.options = options
+            self._robot.options, self._robot.visible = options, True
 
     def _robot_place(self) -> Optional[FloatArray]:
         """Return where the chosen robot is (3,) [m], or None."""

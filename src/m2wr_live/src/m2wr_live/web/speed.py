@@ -42,7 +42,7 @@ class SpeedList:
     def __init__(self, gui: Any, actions: Actions, attempt: Callable[[Callable[[], None]], None]) -> None:
         self._actions = actions
         factor = actions.factor()
-        self._list = gui.add_dropdown("Speed", options_with(factor), initial_value=words_of(factor))
+        self._list = gui.add_dropdown("Real-time factor", options_with(factor), initial_value=words_of(factor))
 
         @self._list.on_update
         def _(event: Any) -> None:
