@@ -118,7 +118,6 @@ class Player:
 
     def __init__(self, recording: Recording, options: argparse.Namespace) -> None:
         from m2wr_live.ros.node import find_mesh, make_pages
-        from m2wr_live.web.panel import add_downloads
         self._recording, self._find_mesh = recording, find_mesh
         self._scene = LiveScene()
         self._pages = make_pages(options.host, options.port, options.token, self._scene, None, None)
@@ -126,12 +125,21 @@ class Player:
         self._film, self._filming = b"", threading.Lock()
         gui = self._pages.viser.gui
         with gui.add_folder("Recording", order=0):
-            self._slider = gui.add_slider("t [s]", min=0.0, max=max(0.1, round(recording.end, 1)), step=0.1,
+            self._slider = gui.add_slider("Time [s]", min=0.0, max=max(0.1, round(recording.end, 1)), step=0.1,
                                           initial_value=0.0)
             self._playing = gui.add_checkbox("Play", True)
-            self._speed = gui.add_dropdown("Speed", ("0.25", "0.5", "1", "2", "5", "10"), initial_value="1")
-            add_downloads(gui, self.bag, self.film)
+            self._speed = gui.add_dropdown("Playback speed", ("0.25", "0.5", "1", "2", "5", "10"), initial_value="1")
+        self._pages.viser.on_client_connect(self._connected)
         self._now, self._shown = 0.0, -1.0
+
+    def _connected(self, client: Any) -> None:
+        """Add the downloads to the panel of a page; viser drops clicks of a page on shared buttons before this call."""
+        from m2wr_live.web.panel import add_downloads
+        try:
+            with client.gui.add_folder("Files", order=1):
+                add_downloads(client.gui, self.bag, self.film)
+        except Exception as error:      # the page was closed meanwhile
+            log.debug("page %d: %s", client.client_id, error)
 
     def _new_inbox(self) -> Inbox:
         inbox = Inbox(self._scene, self._pages.solids, self._find_mesh)
