@@ -47,7 +47,7 @@ class Live(LiveChanges):
         wait_until(lambda: green(page.scene()) < 20, "the page without the crate")
 
     def test_clicks_place_an_obstacle_and_send_a_goal(self):
-        goals = Recorder("/move_base_simple/goal", PoseStamped)
+        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
         page = self.page
         page.choose("place a cylinder")
         name = self.placed(page, 330, 420)

@@ -33,7 +33,7 @@ class LiveChanges(LiveCase):
 
     def from_above(self, page):
         """Look from above; return where the pixel (200, 300) is [m], and pixels per metre."""
-        goals = Recorder("/move_base_simple/goal", PoseStamped)
+        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
         self.addCleanup(goals.close)
         page.choose("free")
         page.choose("from above")
@@ -191,7 +191,7 @@ class LiveChanges(LiveCase):
         self.page.open()
 
     def test_a_goal_that_is_no_number_is_refused_with_why(self):
-        goals = Recorder("/move_base_simple/goal", PoseStamped)
+        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
         self.addCleanup(goals.close)
         with RawPage(self.address) as page:
             page.choose("send a goal")
