@@ -24,13 +24,18 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def export_bags(results: ResultFile, folder: str) -> int:
-    """Write the bags of failed runs; return how many they are.
+    """Write the bags of failed runs.
 
     Parameters
     ----------
     results : ResultFile
     folder : str
         Made if it is not there.
+
+    Returns
+    -------
+    int
+        How many they are.
     """
     os.makedirs(folder, exist_ok=True)
     count = 0
