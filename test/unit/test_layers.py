@@ -89,7 +89,7 @@ RULES = (
     Rule("m2wr_campaign/report/*.py", {"numpy"}, False, True, ("m2wr_campaign.runner", "m2wr_campaign.study")),
     Rule("m2wr_campaign/programs/*.py", {"rospy", "rosmaster", "roslaunch"}, True, False, ("m2wr_campaign.grading",)),
     Rule("m2wr_campaign/grading/*.py", set(), False, True, ("m2wr_campaign.worlds",)),
-    Rule("m2wr_campaign/runner/*.py", NUMERIC | {"distributed", "rosbags"}, False, False, ()),               # measures time
+    Rule("m2wr_campaign/runner/*.py", NUMERIC | {"distributed", "rosbags"}, False, False, ()),     # measures time
     Rule("m2wr_campaign/*.py", set(), False, True, ("m2wr_campaign.*",)),
     Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),
     Rule("m2wr_live/web/*.py", NUMERIC | {"msgspec", "viser", "websockets", "zstandard"}, False, True,
