@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A ROS program drives the robot by its topics, in a simulation that it cannot reach otherwise."""
+import os
+import signal
+import tempfile
+import threading
+import time
+
 import pytest
 
+from m2wr_campaign.programs.examination import EXAMINER
 from m2wr_campaign.runner.one_run import RunError, perform
 from m2wr_campaign.study.expansion import all_tasks
 from m2wr_campaign.study.study_file import read_study
@@ -80,3 +87,34 @@ def test_run_error_is_told_for_a_launch_file_that_cannot_be_read(task):
         file.write("<launch>")
     with pytest.raises(RunError, match="go.launch: not well-formed XML"):
         arguments_of(one.method.program, one)
+
+
+def examiners():
+    """Return the process numbers of this process's examiners."""
+    found = []
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open("/proc/%s/cmdline" % name, "rb") as file:
+                words = file.read().split(b"\0")
+        except OSError:
+            continue
+        if words[1:4] == [b"-m", EXAMINER.encode(), str(os.getpid()).encode()]:
+            found.append(int(name))
+    return found
+
+
+def test_a_killed_examiner_leaves_no_files(task, tmp_path, monkeypatch):
+    folder = tmp_path / "temporary"
+    folder.mkdir(mode=0o711)
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    rows = []
+    thread = threading.Thread(target=lambda: rows.append(perform(task(NODE))))
+    thread.start()
+    until = time.monotonic() + 60.0
+    while not (examiners() and list(folder.glob("*/m2wr_program_*/output"))):
+        assert time.monotonic() < until and thread.is_alive(), (examiners(), rows)
+        time.sleep(0.02)
+    os.kill(examiners()[0], signal.SIGKILL)
+    thread.join(60.0)
+    assert rows[0]["status"] == "failed" and "ended with exit code -9" in rows[0]["reason"]
+    assert not list(folder.iterdir())

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING, Any, Dict
 
@@ -33,9 +35,12 @@ def examined(task: RunTask) -> Dict[str, Any]:
         With how it ended; what it wrote is on standard error.
     """
     pipe, far = Pipe()
+    folder = tempfile.mkdtemp(prefix="m2wr_examiner_")      # of its temporary files: removed also if it is killed
+    os.chmod(folder, 0o711)                                 # the program may run as another user
     with far:
         process = subprocess.Popen([sys.executable, "-m", EXAMINER, str(os.getpid()), str(far.fileno())],
-                                   stdin=subprocess.DEVNULL, pass_fds=[far.fileno()])
+                                   stdin=subprocess.DEVNULL, pass_fds=[far.fileno()],
+                                   env=dict(os.environ, TMPDIR=folder))
     try:
         pipe.send(task)
         row: Dict[str, Any] = pipe.recv()
@@ -48,3 +53,4 @@ def examined(task: RunTask) -> Dict[str, Any]:
         process.kill()
         process.wait()
         pipe.close()
+        shutil.rmtree(folder, ignore_errors=True)
