@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.ros.costmap_server import CostmapServer
 
 CLEAR, ROTATE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
+BACK_UP = "m2wr_navigation/BackUpRecovery"
 
 
 class BothCostmaps(Costmaps):
@@ -45,6 +46,9 @@ class BothCostmaps(Costmaps):
 def default_list(values: Mapping[str, Any], circumscribed: float) -> List[Tuple[str, str, Dict[str, Any]]]:
     """Return name, type and parameters of the behaviours that move_base has without ``recovery_behaviors``.
 
+    They are those of the original and, after the first turn, ``back_up``. It does nothing where the robot can turn.
+    Where it cannot, neither turns nor cleared costmaps help, and few controllers back.
+
     Parameters
     ----------
     values : mapping of str to object
@@ -53,9 +57,11 @@ def default_list(values: Mapping[str, Any], circumscribed: float) -> List[Tuple[
         Circumscribed radius of the robot [m].
     """
     turn: List[Tuple[str, str, Dict[str, Any]]] = []
+    back: List[Tuple[str, str, Dict[str, Any]]] = []
     if values["clearing_rotation_allowed"]:
         turn.append(("rotate_recovery", ROTATE, {}))
-    return [("conservative_reset", CLEAR, {"reset_distance": values["conservative_reset_dist"]}), *turn,
+        back.append(("back_up", BACK_UP, {}))
+    return [("conservative_reset", CLEAR, {"reset_distance": values["conservative_reset_dist"]}), *turn, *back,
             ("aggressive_reset", CLEAR, {"reset_distance": 4.0 * circumscribed}), *turn]
 
 
