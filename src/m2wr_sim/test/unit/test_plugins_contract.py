@@ -47,7 +47,9 @@ SUITABLE = {
     "libgazebo_ros_ft_sensor.so": ((("jointName", "joint_left_wheel"), ("topicName", "/out"), HERE), "/out", None),
 }
 SILENT = {"libgazebo_ros_force.so", "libm2wr_way_points.so", "libTrajectoryActorPlugin.so",
-          "libm2wr_actor_script.so", "libgazebo_ros_control.so"}        # publish nothing, or only what controllers do
+          "libm2wr_actor_script.so", "libgazebo_ros_control.so", "libm2wr_mimic.so", "libmimic_joint_plugin.so",
+          "libroboticsgroup_gazebo_mimic_joint_plugin.so", "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so",
+          "libgazebo_mimic_joint_plugin.so"}        # publish nothing, or only what controllers do
 TRIGGERED = {"libgazebo_ros_triggered_camera.so"}       # publish when they are asked to
 VIEWS = {"camera": (CameraView("left", width=16, height=12),), "depth": (CameraView("c", width=16, height=12),),
          "multicamera": (CameraView("left", width=16, height=12), CameraView("right", width=16, height=12))}

@@ -11,7 +11,7 @@ from m2wr_sim.plugins.registry import PLUGINS, library_name
 from m2wr_sim.plugins.unsupported import NOT_NEEDED, UNSUPPORTED, explain
 
 #: Plugins that the reference of Gazebo's plugins names, by the part of the name that is always the same.
-FAMILIES = ("kobuki", "tricycle", "mimic_joint", "prosilica", "realsense", "force_based_move",
+FAMILIES = ("kobuki", "tricycle", "prosilica", "realsense", "force_based_move",
             "contact", "vacuum_gripper", "grasp_fix", "wheel_slip", "harness", "video", "actor", "elevator",
             "hand_of_god", "joint_pose_trajectory", "f3d", "projector")
 
@@ -57,8 +57,8 @@ def test_alternatives_are_supported(library):
     ("libgazebo_ros_ouster_laser.so", (("topicName", "blocks"),), "/", ("no point cloud", "Not published: /blocks.")),
     ("libgazebo_ros_prosilica.so", (("cameraName", "front"), ("imageTopicName", "raw")), None,
      ("no images", "Not published: /front/raw, /front/camera_info.", "libgazebo_ros_camera.so")),
-    ("libroboticsgroup_gazebo_mimic_joint_plugin.so", (("joint", "left"), ("mimicJoint", "right")), None,
-     ("It makes joint right follow joint left; without it: that joint moves freely.",)),
+    ("libroboticsgroup_gazebo_disable_link_plugin.so", (("link", "finger"),), None,
+     ("It disables link finger; without it: it stays enabled.",)),
     ("libgazebo_ros_vacuum_gripper.so", (), None, ("no suction.",)),
 ])
 def test_topics_follow_tags_and_namespace(library, parameters, namespace, words):

@@ -51,7 +51,6 @@ class Missing(NamedTuple):
 _DRIVE = Missing("drives this robot", "it will not move", "{odometryTopic=odom}", "{commandTopic=cmd_vel}", _DRIVES)
 _FORCE_DRIVE = _DRIVE._replace(instead=_PLANAR)
 _GAZEBO_DRIVE = Missing("drives this model by Gazebo messages", "it will not move", instead=_DRIVES)
-_MIMIC = Missing("makes joint {mimicJoint} follow joint {joint}", "that joint moves freely", instead=_JOINTS)
 _CLOUD = Missing("measures distances in several layers", "no point cloud", "{topicName=/points}", "", _LAYERS)
 _CAMERA = Missing("publishes images", "no images", "{cameraName}/{imageTopicName=image_raw} "
                   "{cameraName}/{cameraInfoTopicName=camera_info}", "", _CAMERAS)
@@ -86,10 +85,6 @@ UNSUPPORTED = {
     # -- joints
     "libgazebo_ros2_control.so": Missing(
         "runs the controllers of ros2_control, for ROS 2 only", "no controller drives a joint", instead=_ROS_CONTROL),
-    "libroboticsgroup_gazebo_mimic_joint_plugin.so": _MIMIC,
-    "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so": _MIMIC,
-    "libmimic_joint_plugin.so": _MIMIC,
-    "libgazebo_mimic_joint_plugin.so": _MIMIC,
     "libroboticsgroup_gazebo_disable_link_plugin.so": Missing("disables link {link}", "it stays enabled"),
     "libroboticsgroup_upatras_gazebo_disable_link_plugin.so": Missing("disables link {link}", "it stays enabled"),
     "libgazebo_ros_joint_pose_trajectory.so": Missing(

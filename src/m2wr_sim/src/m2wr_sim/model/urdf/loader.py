@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Dict, Iterable, List, NoReturn, Optional, Set, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
 from m2wr_sim.model.inertials import usable
 from m2wr_sim.model.mesh.shapes import MeshReader
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
+from m2wr_sim.model.types import Collision, Joint, Link, Model, PluginSpec, Visual
 from m2wr_sim.model.urdf.checks import attribute_numbers, check_urdf
 from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
 from m2wr_sim.model.urdf.lumping import WORLD, children_of, depth_first, lump, part_names
@@ -26,8 +26,9 @@ from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xm
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.model_folders import ResolveModel, ResolvePackage
-    from m2wr_sim.model.types import PluginSpec
     from m2wr_sim.model.urdf.lumping import Body, Connection
+
+MIMIC_LIBRARY = "libm2wr_mimic.so"          # of the plugin that a joint with <mimic> gets
 
 
 def _drop_massless(bodies: Dict[str, Body], connections: List[Connection], order: List[str], root: str,
@@ -136,6 +137,30 @@ def _joints(connections: List[Connection], order: List[str], notes: Notes) -> Tu
     return tuple(joints)
 
 
+def _followers(root: Any, connections: List[Connection], plugins: Sequence[PluginSpec], elements: Dict[str, Any],
+               notes: Notes) -> Tuple[PluginSpec, ...]:
+    """Return the plugins that make joints with ``<mimic>`` follow, unless something else in the description does."""
+    moving = {connection.name for connection in connections if connection.kind in ("revolute", "prismatic")}
+    driven: Set[Optional[str]] = set()
+    if any("gazebo_ros_control" in plugin.filename for plugin in plugins):
+        driven.update(joint.get("name") for joint in root.iterfind("transmission/joint"))
+    driven.update(plugin.find("mimicJoint") for plugin in plugins)
+    made = []
+    for connection in connections:
+        if connection.mimic is None or connection.name in driven or connection.name not in moving:
+            continue
+        leader, multiplier, offset = connection.mimic
+        where = place(elements[connection.name].find("mimic"))
+        if leader not in moving or leader == connection.name:
+            notes.add('{}: joint "{}" mimics "{}"; expected another joint that moves; it moves freely.'.format(
+                where, connection.name, leader))
+            continue
+        made.append(PluginSpec("mimic_" + connection.name, MIMIC_LIBRARY, (
+            ("joint", leader), ("mimicJoint", connection.name), ("multiplier", repr(float(multiplier))),
+            ("offset", repr(float(offset)))), where=where))
+    return tuple(made)
+
+
 def _link_poses(order: List[str], connections: List[Connection]) -> Dict[str, Pose]:
     """Return link name -> pose in the model frame with every joint at zero."""
     by_child = {connection.child: connection for connection in connections}
@@ -215,9 +240,12 @@ def load_urdf(text: Union[str, bytes], source: str = "robot_description", model_
         poses = _link_poses(order, connections)
         lumped = {name: (body, pose) for body in order for name, pose in bodies[body].lumped}
         links = tuple(_link(bodies[name], poses[name], elements[name], tags, notes) for name in order)
+        plugins = tuple(_retarget(plugin, lumped, notes) for plugin in tags.model_plugins())
+        kept = [connection for connection in connections if connection.child in poses]
+        plugins += _followers(root, kept, plugins, joint_elements, notes)
         model = Model(name=model_name or root.get("name"), links=links, joints=_joints(connections, order, notes),
                       pose=_origin(root.find("origin")), static=tags.model_switch("static", False),
-                      plugins=tuple(_retarget(plugin, lumped, notes) for plugin in tags.model_plugins()),
+                      plugins=plugins,
                       lumped=tuple((name, body, pose) for name, (body, pose) in lumped.items()),
                       allow_auto_disable=tags.model_switch("allow_auto_disable", True))
         return replace(model, notes=notes.sentences(), remarks=notes.remarks())

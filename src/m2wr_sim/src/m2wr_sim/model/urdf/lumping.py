@@ -50,7 +50,7 @@ class Body:
 class Connection:
     """A URDF joint; ``pose`` is the child link's (= joint's) frame in the parent link's frame.
 
-    ``reduced``: a fixed joint that is removed by merging.
+    ``reduced``: a fixed joint that is removed by merging.  ``mimic``: the joint that it follows, multiplier, offset.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Connection:
     pose: Pose = IDENTITY
     axis: Axis = Axis()
     reduced: bool = False
+    mimic: Optional[Tuple[str, float, float]] = None
 
 
 def merge_inertials(base: Optional[Inertial], added: Optional[Inertial],

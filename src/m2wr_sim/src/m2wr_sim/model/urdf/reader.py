@@ -261,7 +261,8 @@ def read_connection(joint: Any, element: Any, tags: GazeboTags, notes: Notes) ->
     elif kind in ("continuous", "revolute", "prismatic"):
         axis = tags.joint_axis(joint.name, _axis(joint, element, notes))
         kind = "prismatic" if kind == "prismatic" else "revolute"
+    mimic = None
     if joint.mimic is not None:
-        notes.add("{}: <mimic> of joint {} is not simulated; the joint moves freely.".format(
-            line_of(element), joint.name), ("joint", "mimic"))
-    return Connection(joint.name, kind, joint.parent, joint.child, _pose(joint.origin), axis, reduced)
+        multiplier, offset = joint.mimic.multiplier, joint.mimic.offset
+        mimic = (joint.mimic.joint, 1.0 if multiplier is None else multiplier, offset or 0.0)
+    return Connection(joint.name, kind, joint.parent, joint.child, _pose(joint.origin), axis, reduced, mimic)
