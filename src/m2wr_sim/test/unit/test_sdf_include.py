@@ -111,3 +111,55 @@ def test_lights_with_three_and_four_colours_and_in_an_include(folders):
     assert (second.name, second.kind, second.attenuation, second.direction) == (
         "b", "spot", (1.0, 0.5, 0.0), (1.0, 0.0, 0.0))
     assert [found.name for found in loaded.models] == ["m"] and loaded.notes == ()
+
+
+def merging(body="", name="tower", version="1.9"):
+    """A model that includes another one by merge; a second link and a joint."""
+    return """<sdf version="{}"><model name="{}"><pose>0 0 1 0 0 0</pose><link name="base"><inertial><mass>1</mass>
+      </inertial></link>{}</model></sdf>""".format(version, name, body)
+
+
+@pytest.fixture
+def head(folders):
+    """A model of two links, a joint and a plugin, to include."""
+    folders.add("head", """<sdf version="1.9"><model name="head"><link name="neck"/><link name="lens">
+      <pose>0 0 0.1 0 0 0</pose></link><joint name="tilt" type="revolute"><parent>neck</parent><child>lens</child>
+      <axis><xyz>0 1 0</xyz></axis></joint><plugin name="x" filename="libx.so"/></model></sdf>""".replace(
+          '"/>', '"><inertial><mass>1</mass></inertial></link>', 1).replace(
+              '<pose>0 0 0.1', '<inertial><mass>1</mass></inertial><pose>0 0 0.1'))
+    return folders
+
+
+PLACED = '<include merge="true"><uri>model://head</uri><pose>0 0 2 0 0 0</pose></include>'
+JOINT = '<joint name="top" type="fixed"><parent>base</parent><child>neck</child></joint>'
+
+
+def test_merge_keeps_names_and_poses(head):
+    model, = load_sdf_models(merging(PLACED + JOINT), "a.sdf", resolve_model=head)
+    assert [link.name for link in model.links] == ["base", "neck", "lens"] and model.nested == ()
+    assert [link.pose[0][2] for link in model.links] == pytest.approx([0.0, 2.0, 2.1])
+    assert [(joint.name, joint.parent, joint.child) for joint in model.joints] == [
+        ("tilt", "neck", "lens"), ("top", "base", "neck")]
+    plugin, = model.plugins
+    assert (plugin.name, plugin.scope) == ("x", "")
+    assert not [note for note in model.notes if "SDF version" not in note]
+
+
+def test_without_merge_it_is_nested(head):
+    model, = load_sdf_models(merging(PLACED.replace(' merge="true"', "")), "a.sdf", resolve_model=head)
+    assert [link.name for link in model.links] == ["base", "head::neck", "head::lens"]
+    assert model.plugins[0].scope == "head"
+
+
+def test_merge_of_a_taken_name_is_left_out(head):
+    model, = load_sdf_models(merging(PLACED + '<link name="lens"><inertial><mass>1</mass></inertial></link>'),
+                             "a.sdf", resolve_model=head)
+    assert [link.name for link in model.links] == ["base", "lens"]
+    assert any('link "lens" of the merged model "head"' in note and "this include is left out" in note
+               for note in model.notes)
+
+
+def test_merge_in_a_world_is_reported(head):
+    loaded = world(PLACED, resolve_model=head)
+    assert [model.name for model in loaded.models] == ["head"]
+    assert any("inside a <model>" in note for note in loaded.notes)

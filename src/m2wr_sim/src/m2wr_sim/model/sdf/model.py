@@ -29,6 +29,7 @@ from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
 from m2wr_sim.model.sdf.joint import named_end, read_joint
 from m2wr_sim.model.sdf.light import read_light
+from m2wr_sim.model.sdf.nesting import merged, merged_plugins, merges, nested_plugins, scoped
 from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.sensor import read_sensor
 from m2wr_sim.model.sdf.shapes import inertial_doubt, read_collision, read_inertial, read_visual
@@ -175,26 +176,6 @@ def _read_link(node: Node, frames: Frames, static: bool, self_collide: bool, fil
     return link
 
 
-def _scoped(prefix: str, model: Model, model_from_nested: Pose) -> Tuple[List[Link], List[Joint], List[str]]:
-    """Return links, joints and nested names of a nested model, with names and poses in the outer model."""
-    def scope(name: str) -> str:
-        return name if name == "world" else prefix + "::" + name
-
-    links = [replace(link, name=scope(link.name), pose=compose(model_from_nested, link.pose),
-                     sensors=tuple(replace(sensor, plugins=tuple(replace(plugin, reference=scope(link.name))
-                                                                 for plugin in sensor.plugins))
-                                   for sensor in link.sensors)) for link in model.links]
-    joints = [replace(joint, name=scope(joint.name), parent=scope(joint.parent), child=scope(joint.child))
-              for joint in model.joints]
-    return links, joints, [prefix] + [scope(name) for name in model.nested]
-
-
-def _nested_plugins(model: Model, model_from_nested: Pose) -> List[PluginSpec]:
-    """Return the model plugins of a nested model; they use its own names of links and joints."""
-    return [replace(plugin, scope="::".join(filter(None, (model.name, plugin.scope))),
-                    frame=compose(model_from_nested, plugin.frame)) for plugin in model.plugins]
-
-
 def _named_once(nodes: Iterable[Node], kind: str, notes: Notes) -> List[Tuple[str, Node]]:
     """Return [(name, node)] without those that have no name or a name already used; these get a warning."""
     found: Dict[str, Node] = {}
@@ -249,7 +230,9 @@ def _frames_of(node: Node, link_nodes: List[Tuple[str, Node]], joint_nodes: List
     for model, child, relative_to in nested:
         frames.add(model.name, model.pose, relative_to, child)
         for link in model.links:
-            frames.add(model.name + "::" + link.name, link.pose, model.name, child)
+            name = link.name if merges(child) else model.name + "::" + link.name
+            if not (merges(child) and frames.has(name)):       # else the merge is refused
+                frames.add(name, link.pose, model.name, child)
     add_frames(node, frames)
     for name, child in joint_nodes:
         pose, relative_to = raw_pose(child)
@@ -346,10 +329,18 @@ def read_model(node: Node, context: SdfContext, static: Optional[bool] = None) -
     plugins = read_plugins(node)
     joints: List[Joint] = []
     nested_names: List[str] = []
-    for inner, _, _ in nested:
-        more_links, more_joints, more_names = _scoped(inner.name, inner, frames.resolve(inner.name))
+    for inner, child, _ in nested:
+        place_of_inner = frames.resolve(inner.name)
+        if merges(child):
+            parts = notes.attempt("this include", merged, inner, place_of_inner, links, joints, child)
+            if parts is None:
+                continue
+            (more_links, more_joints), more_names = parts, list(inner.nested)
+            plugins.extend(merged_plugins(inner, place_of_inner))
+        else:
+            more_links, more_joints, more_names = scoped(inner.name, inner, place_of_inner)
+            plugins.extend(nested_plugins(inner, place_of_inner))
         links, joints, nested_names = links + more_links, joints + more_joints, nested_names + more_names
-        plugins.extend(_nested_plugins(inner, frames.resolve(inner.name)))
     joints += _joints(node, joint_nodes, links, frames)
     _tell_canonical(node, links)
     pose = _placed(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
@@ -476,6 +467,6 @@ def _read_include(node: Node, context: SdfContext, static: Optional[bool]) -> _I
 
 
 def _tell_merge(node: Node) -> None:
-    if node.attribute("merge").lower() in ("true", "1"):
-        node.notes.add("{}: unsupported attribute merge of <include> ignored; the included model stays a "
-                       "nested model, its links are NAME::LINK.".format(node.line), ("attribute", "include", "merge"))
+    if merges(node) and node.element.getparent().tag != "model":
+        node.notes.add("{}: attribute merge of <include> ignored; expected it inside a <model>.".format(node.line),
+                       ("attribute", "include", "merge"))
