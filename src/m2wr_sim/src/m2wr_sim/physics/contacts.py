@@ -131,7 +131,9 @@ def _reduction(first: Collision, second: Collision, wheel: bool, most: int) -> T
     """Return the greatest number of contacts of a pair, and how they are merged; ``wheel``: whether one is a wheel."""
     limit = min(most, max(1, first.max_contacts), max(1, second.max_contacts))
     shapes, merging = (first.geometry, second.geometry), MERGE_ALL if wheel else 0
-    if any(isinstance(shape, (Mesh, Heightmap)) for shape in shapes):
+    if any(isinstance(shape, Heightmap) for shape in shapes) and not any(isinstance(shape, Mesh) for shape in shapes):
+        limit, merging = min(limit, MESH_CONTACTS), 0       # height_kernels find one contact for each place
+    elif any(isinstance(shape, (Mesh, Heightmap)) for shape in shapes):
         limit = min(limit, MESH_CONTACTS)
         if any(isinstance(shape, Sphere) for shape in shapes):
             merging = MERGE_DEEPEST

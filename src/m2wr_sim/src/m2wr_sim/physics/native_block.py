@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any, Dict, FrozenSet, Iterable, List, Sequence
 
 import numpy as np
 
+from m2wr_sim.physics import height_contacts
 from m2wr_sim.physics import step_layout as layout
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.coupled_friction import Memory
 from m2wr_sim.physics.engine import ContactEvent
+from m2wr_sim.physics.height_kernels import FIELD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,10 +162,24 @@ class Block:
             words[row + layout.G_MODEL] = models.get(shape.model, 0)
             words[row + layout.G_RESTLESS] = shape.restless
             words[row + layout.G_IDLER] = 0 if shape.countdown is None else idlers.get(shape.countdown, 0)
+            self._write_size(row, geom, shape)
             library.dGeomSetData(geom._id(), index + 1)
             if shape.wheel and shape.moves:
                 words[row + layout.G_LOAD] = self._starts[layout.H_LOADS] + len(self._wheels) * layout.LOAD_WORDS
                 self._wheels[shape.name] = int(words[row + layout.G_LOAD])
+
+    def _write_size(self, row: int, geom: Geom, shape: Shape) -> None:
+        """Write what height_kernels needs of a geom."""
+        kind, at = height_contacts.kind_of(shape), row + layout.G_SIZE
+        self.words[row + layout.G_KIND] = kind
+        if kind != FIELD:
+            self.values[at:at + 3] = height_contacts.size_of(shape)
+            return
+        data = geom.heights         # type: ignore[union-attr]
+        self.words[at + layout.FIELD_HEIGHTS], self.words[at + layout.FIELD_TOPS] = (
+            data.heights.ctypes.data, data.tops.ctypes.data)
+        self.words[at + layout.FIELD_ROWS], self.words[at + layout.FIELD_COLUMNS] = data.heights.shape
+        self.values[at + layout.FIELD_CELL:at + layout.FIELD_CELL + 2] = data.cell
 
     def write_bodies(self, moving: Sequence[ModelParts], handles: Handles, damped: Sequence[LinkBody]) -> None:
         """Write the movable models and their bodies.

@@ -18,6 +18,7 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.physics import native_ode
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
+from m2wr_sim.physics.height_kernels import tops_of
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion, Vector
@@ -94,15 +95,26 @@ class _MeshData:
 
 
 class _HeightData:
-    """Heights in ODE's format; must exist as long as a geom uses them."""
+    """Heights in ODE's format; must exist as long as a geom uses them.
+
+    Attributes
+    ----------
+    heights : (rows, columns) float64
+    tops : (block rows, block columns) float64
+        See :func:`m2wr_sim.physics.height_kernels.tops_of`.
+    cell : (2,) float64
+        Size of a cell along x and y [m].
+    """
 
     def __init__(self, library: Any, heightmap: Heightmap) -> None:
         self._library = library
-        self._heights = np.ascontiguousarray(heightmap.heights, dtype=np.float64)
-        rows, columns = self._heights.shape
+        self.heights = np.ascontiguousarray(heightmap.heights, dtype=np.float64)
+        rows, columns = self.heights.shape
+        self.tops = tops_of(self.heights)
+        self.cell = np.array((heightmap.size[0] / (columns - 1), heightmap.size[1] / (rows - 1)))
         self.handle = library.dGeomHeightfieldDataCreate()
         library.dGeomHeightfieldDataBuildDouble(
-            self.handle, self._heights.ctypes.data, 0, heightmap.size[0], heightmap.size[1], columns, rows, 1.0, 0.0,
+            self.handle, self.heights.ctypes.data, 0, heightmap.size[0], heightmap.size[1], columns, rows, 1.0, 0.0,
             _THICKNESS, 0)
 
     def __del__(self) -> None:
@@ -133,6 +145,11 @@ class NativeGeom:
 
     def _id(self) -> int:
         return self._handle
+
+    @property
+    def heights(self) -> Any:
+        """The samples of a heightmap: ``heights``, ``tops`` and ``cell`` for height_kernels."""
+        return self._data
 
     @staticmethod
     def isSpace() -> bool:

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import carray, cfunc, njit, types
+from numba.extending import intrinsic
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
+from m2wr_sim.physics.height_kernels import BLOCK, CONTACT, FIELD, MOST, NO_SHAPE, height_contacts
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
@@ -33,13 +35,20 @@ from m2wr_sim.physics.step_layout import (
     C_SOFT_ERP,
     CONTACT_PAIR_WORDS,
     CONTACT_WORDS,
+    FIELD_CELL,
+    FIELD_COLUMNS,
+    FIELD_HEIGHTS,
+    FIELD_ROWS,
+    FIELD_TOPS,
     G_BODY,
     G_CLASS,
     G_IDLER,
+    G_KIND,
     G_LINK,
     G_LOAD,
     G_MODEL,
     G_RESTLESS,
+    G_SIZE,
     G_WATCHED,
     GEOM_WORDS,
     GRIP_WORDS,
@@ -124,6 +133,7 @@ _geom_data = types.ExternalFunction("dGeomGetData", _handle(_handle))
 _collide = types.ExternalFunction("dCollide", types.int32(_handle, _handle, types.int32, _handle, types.int32))
 _space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _handle, _handle, _handle))
 _geom_quaternion = types.ExternalFunction("dGeomGetQuaternion", types.void(_handle, _handle))
+_geom_position = types.ExternalFunction("dGeomGetPosition", types.uintp(_handle))
 _create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
 _attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
 _enable = types.ExternalFunction("dBodyEnable", types.void(_handle))
@@ -245,6 +255,55 @@ def _store_grip(words: Words, values: Values, geom_one: int, geom_two: int, at: 
     words[grip + J_MODEL] = words[(geom_one if words[geom_one + G_BODY] != 0 else geom_two) + G_MODEL]
 
 
+@intrinsic
+def _pointer(_: Any, address: Any) -> Any:
+    """Return an address as a pointer."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+    return types.voidptr(address), generate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pose_of(words: Words, values: Values, geom: int, room: int, pose: Values) -> None:
+    """Write position and quaternion x y z w of a geom; ``room``: four words that may be overwritten."""
+    position = carray(_pointer(_geom_position(geom)), (3,), np.float64)
+    _geom_quaternion(geom, words[H_ADDRESS] + np.uint64(8 * room))
+    for axis in range(3):
+        pose[axis], pose[3 + axis] = position[axis], values[room + 1 + axis]
+    pose[6] = values[room]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ground_contacts(words: Words, values: Values, one: int, two: int, geom_one: int, geom_two: int,
+                     first: int) -> int:
+    """Write the contacts of a shape and a heightmap, as height_contacts.find does; return their number."""
+    field, shape, row, other, sign = two, one, geom_two, geom_one, 1.0
+    if words[geom_one + G_KIND] == FIELD:
+        field, shape, row, other, sign = one, two, geom_one, geom_two, -1.0
+    at = row + G_SIZE
+    rows, columns = np.int64(words[at + FIELD_ROWS]), np.int64(words[at + FIELD_COLUMNS])
+    heights = carray(_pointer(words[at + FIELD_HEIGHTS]), (rows, columns), np.float64)
+    tops = carray(_pointer(words[at + FIELD_TOPS]),
+                  ((rows + BLOCK - 2) // BLOCK, (columns + BLOCK - 2) // BLOCK), np.float64)
+    field_pose, pose, size, cell = np.empty(7), np.empty(7), np.empty(3), np.empty(2)
+    room = first + C_GEOMETRY
+    _pose_of(words, values, field, room, field_pose)
+    _pose_of(words, values, shape, room, pose)
+    for axis in range(3):
+        size[axis] = values[other + G_SIZE + axis]
+    for axis in range(2):
+        cell[axis] = values[at + FIELD_CELL + axis]
+    found = np.empty((MOST, CONTACT))
+    count = height_contacts(heights, tops, cell, field_pose, np.int64(words[other + G_KIND]), size, pose, found)
+    for index in range(count):
+        place = first + index * CONTACT_WORDS
+        for axis in range(3):
+            values[place + C_POSITION + axis] = found[index, axis]
+            values[place + C_NORMAL + axis] = sign * found[index, 3 + axis]
+        values[place + C_DEPTH] = found[index, 6]
+    return count
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
     """Make the contact joints of two geoms, as PyodeEngine does.
@@ -269,8 +328,12 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
     room = bool(kept < most)              # beyond, contacts are not stored and the step is solved once
     first = np.int64(words[H_CONTACTS]) + min(kept, most) * CONTACT_WORDS
     address = words[H_ADDRESS] + np.uint64(8 * first)
-    count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
-    count = with_direction(values, first, count)
+    kind_one, kind_two = words[geom_one + G_KIND], words[geom_two + G_KIND]
+    if kind_one != NO_SHAPE and kind_two != NO_SHAPE and (kind_one == FIELD) != (kind_two == FIELD):
+        count = _ground_contacts(words, values, one, two, geom_one, geom_two, first)
+    else:
+        count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
+        count = with_direction(values, first, count)
     if count == 0:
         return
     count = _reduce(values, pair, first, count)

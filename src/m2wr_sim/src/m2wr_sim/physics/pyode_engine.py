@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
 
 import ode
 
-from m2wr_sim.physics import dampers, native_ode
+from m2wr_sim.physics import dampers, height_contacts, native_ode
 from m2wr_sim.physics import pyode_bodies as bodies
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, PairSurface, has_direction, pair_surface, reduced
@@ -159,8 +159,12 @@ class PyodeEngine(OdeWorld):
             pair = self._make_pair(first, second)
         if pair is None:
             return
-        found = [contact for contact in ode.collide(first, second)
-                 if has_direction(contact.getContactGeomParams()[1])]
+        ground = height_contacts.find(first, second, pair[1], pair[2])
+        if ground is None:
+            found = [contact for contact in ode.collide(first, second)
+                     if has_direction(contact.getContactGeomParams()[1])]
+        else:
+            found = [_contact(described, first, second) for described in ground]
         if found:
             self._make_contacts(pair, first, second, found)
 
@@ -248,6 +252,13 @@ class PyodeEngine(OdeWorld):
             raw = drive.joint.getAngle()
             predicted = drive.angle + drive.joint.getAngleRate() * self._dt
             drive.angle = raw + 2.0 * math.pi * round((predicted - raw) / (2.0 * math.pi))
+
+
+def _contact(described: Contact, first: Geom, second: Geom) -> ode.Contact:
+    """Return a contact of the binding with the given position, normal and depth."""
+    contact = ode.Contact()
+    contact.setContactGeomParams(*described, first, second)
+    return contact
 
 
 def _set_surface(contact: ode.Contact, surface: PairSurface, count: int, rotating: Geom) -> int:

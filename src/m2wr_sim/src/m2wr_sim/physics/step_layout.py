@@ -21,7 +21,8 @@ H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface 
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
                       whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
                       whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none),
-                      word of its row in H_LOADS (0 if it is no wheel)
+                      word of its row in H_LOADS (0 if it is no wheel),
+                      kind for height_kernels, its size; of a heightmap: addresses, rows, columns, size of a cell
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_ISLANDS             ``ISLAND_WORDS`` words a movable model: last step with a contact, representative of its
@@ -74,8 +75,9 @@ PAIR_WORDS = 19
 (P_VALID, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
  P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND, P_SLIDES) = range(19)
 
-GEOM_WORDS = 8
-G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER, G_LOAD = range(GEOM_WORDS)
+GEOM_WORDS = 15
+(G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER, G_LOAD, G_KIND, G_SIZE) = range(10)
+FIELD_HEIGHTS, FIELD_ROWS, FIELD_COLUMNS, FIELD_TOPS, FIELD_CELL = range(5)     # after G_SIZE, of a heightmap
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 BOUNDS_WORDS = 4
