@@ -11,7 +11,7 @@ GRID = Grid(129, 12.0)
 
 @pytest.mark.parametrize("name", sorted(RELIEFS))
 @pytest.mark.parametrize("seed", range(3))
-def test_a_relief_grows_with_its_height_and_is_level_at_the_start(name, seed):
+def test_a_relief_grows_and_is_level_at_the_start(name, seed):
     low, high = (heights_of(GRID, {name: height}, seed) for height in (0.05, 0.1))
     x, y = GRID.places
     assert np.all(high[np.hypot(x, y) < START_RADIUS] == 0.0)
