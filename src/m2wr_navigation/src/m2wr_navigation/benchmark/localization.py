@@ -32,6 +32,11 @@ def field_time(particles: int, beams: int, seed: int) -> float:
     particles, beams : int
     seed : int
         Of the map, the scan and the poses.
+
+    Raises
+    ------
+    RuntimeError
+        If no particle can be weighed by the scan.
     """
     random = np.random.default_rng(seed)
     cells = np.where(grids.blocks(SIDE, random) > 0, 100, 0).astype(np.int8)
