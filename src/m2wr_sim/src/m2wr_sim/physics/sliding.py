@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Friction of wheels that slide: Coulomb's law with an ellipse, which the pyramid of libode circumscribes.
 
-libode bounds the friction of a contact in its two directions separately: ``|F1| <= mu1 N`` and ``|F2| <= mu2 N``.  A wheel
-that slides sideways could then still push along with its full grip, and in other directions friction would be greater by
-sqrt(2).  A robot with skid steering, whose wheels slide in every turn, would turn as its wheels roll, or not at all,
-and would move away from where it turns.
+libode bounds the friction of a contact in its two directions separately: ``|F1| <= mu1 N`` and ``|F2| <= mu2 N``.  A
+wheel that slides sideways could then still push along with its full grip, and in other directions friction would be
+greater by sqrt(2).  A robot with skid steering, whose wheels slide in every turn, would turn as its wheels roll, or not
+at all, and would move away from where it turns.
 
 Coulomb's law, for a slip velocity (v1, v2) and the ellipse of the forces (Goyal, Ruina and Papadopoulos, "Planar
 sliding with dry friction", Wear 143, 1991), is
