@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Stand-in packages are built only where no real package of their name is found."""
 import os
+import pathlib
+import re
 import shutil
 import subprocess
 
@@ -75,3 +77,10 @@ def test_a_stand_in_can_be_kept(workspace):
     install(workspace, "usr", "gazebo_ros")
     install(workspace, "usr", "xacro")
     assert arrange(workspace, M2WR_KEEP_DROPINS="other gazebo_ros")[0] == ["xacro"]
+
+
+def test_the_list_names_each_stand_in_once():
+    with open(os.path.join(tree.ROOT, "dropin", "README.md"), encoding="utf-8") as file:
+        listed = re.findall(r"^\| \[(\w+)\]\((\w+)/README\.md\) \|", file.read(), re.M)
+    folders = [path.parent.name for path in sorted(pathlib.Path(tree.ROOT, "dropin").glob("*/package.xml"))]
+    assert sorted(name for name, _ in listed) == folders and all(name == folder for name, folder in listed)
