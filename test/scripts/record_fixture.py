@@ -243,7 +243,7 @@ FIXTURES = {fixture.name: fixture for fixture in (
     Fixture("turn_and_go", "a scripted turn to a goal across the heading of 180 degrees, a drive past it, a correction",
             "empty.world", (0.0, 0.0, 1.9),
             ((0.5, 0.0, 0.0), (2.25, 0.0, 0.7), (2.5, 0.0, 0.0), (5.2, 0.6, 0.0), (5.35, 0.0, 0.0), (5.4, 0.0, 0.85),
-             (5.6, 0.0, 0.0), (6.95, 0.6, 0.0), (7.0, 0.6, -0.7), (7.4, 0.0, 0.0), (7.6, 0.0, 0.7), (8.2, 0.0, 0.0)),
+             (5.6, 0.0, 0.0), (6.95, 0.6, 0.0), (7.0, 0.6, -0.7), (7.4, 0.0, 0.0), (7.55, 0.0, 0.7), (8.2, 0.0, 0.0)),
             {ODOM: 1}, expect_go_to_point, seed=3, goal=(-2.8, -0.06)),
 )}
 

@@ -15,6 +15,7 @@ from conftest import at, ground
 from m2wr_sim.geometry import yaw_of
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.physics.sliding import first_direction, sliding_slips
+from m2wr_sim.physics.wheels import skids
 
 RADIUS, CORNERS = 0.15, {"fl": (0.5, 0.5), "fr": (0.5, -0.5), "rl": (-0.5, 0.5), "rr": (-0.5, -0.5)}
 BODY = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="{2}"/><inertia ixx="{3}" iyy="{3}" izz="{3}"
@@ -119,3 +120,18 @@ def test_first_direction_is_along_the_surface(normal):
     first = first_direction(normal)
     assert sum(value * value for value in first) == pytest.approx(1.0)
     assert sum(one * two for one, two in zip(first, normal)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_only_wheels_on_several_axles_skid(m2wr, make_engine):
+    robot = cart(0.5, 0.6)
+    assert skids(robot.links, robot.joints) and not skids(m2wr.links, m2wr.joints)
+    pair = robot.links[:1] + tuple(link for link in robot.links if link.name in ("fl", "fr"))
+    assert not skids(pair, robot.joints)            # two wheels on one axle
+    front, rear = robot.links[1], next(link for link in robot.links if link.name == "rl")
+    assert skids((front, rear), robot.joints) and not skids((front,), robot.joints) and not skids((), ())
+    # a robot whose wheels share an axle moves as libode moves it: slips that depend on forces are not set
+    one_axle, two_axles = make_engine(), make_engine()
+    one_axle.add_model(m2wr, at())
+    two_axles.add_model(robot, at())
+    assert not any(shape.skids for shape in one_axle._shapes.values())
+    assert sum(shape.skids for shape in two_axles._shapes.values()) == 4

@@ -47,7 +47,7 @@ def classes_of(shapes: Iterable[Shape]) -> Tuple[Dict[Shape, int], List[Shape]]:
     for shape in shapes:
         collision = shape.collision
         key = (collision.surface, type(collision.geometry), collision.max_contacts, shape.wheel, shape.moves,
-               shape.stiffer, shape.yields)
+               shape.stiffer, shape.yields, shape.skids)
         if key not in numbers:
             numbers[key] = len(representatives)
             representatives.append(shape)
@@ -105,7 +105,7 @@ class Block:
                     continue
                 both_move = one.moves and two.moves
                 surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, both_move, settings,
-                                       min(one.stiffer, two.stiffer))
+                                       min(one.stiffer, two.stiffer), one.skids or two.skids)
                 if surface is None:
                     continue
                 at = self._starts[layout.H_PAIRS] + (one_index * count + two_index) * layout.PAIR_WORDS
@@ -164,7 +164,7 @@ class Block:
             words[row + layout.G_IDLER] = 0 if shape.countdown is None else idlers.get(shape.countdown, 0)
             self._write_size(row, geom, shape)
             library.dGeomSetData(geom._id(), index + 1)
-            if shape.wheel and shape.moves:
+            if shape.skids:
                 words[row + layout.G_LOAD] = self._starts[layout.H_LOADS] + len(self._wheels) * layout.LOAD_WORDS
                 self._wheels[shape.name] = int(words[row + layout.G_LOAD])
 

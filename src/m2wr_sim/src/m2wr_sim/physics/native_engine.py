@@ -162,7 +162,7 @@ class NativeEngine(OdeWorld):
         geoms = [(geom, self._shapes[geom]) for parts in self._parts.values() for geom in parts.geoms]
         classes, representatives = classes_of(shape for _, shape in geoms)
         self._contact_pair_room = max(self._contact_pair_room, 4 * sum(shape.moves for _, shape in geoms))
-        wheels = sum(shape.wheel and shape.moves for _, shape in geoms)
+        wheels = sum(shape.skids for _, shape in geoms)
         block = self._block = Block(self._sizes(len(geoms), len(representatives), wheels))
         self._write_header(block)
         block.write_pairs(representatives, self.settings)

@@ -30,7 +30,7 @@ from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts, Shape
 from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
-from m2wr_sim.physics.wheels import initial_link_pose, wheel_poses
+from m2wr_sim.physics.wheels import initial_link_pose, skids, wheel_poses
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
@@ -114,7 +114,7 @@ class OdeWorld(Engine):
 
     def _build(self, parts: ModelParts, model: Model, pose: Pose) -> None:
         parts.stiffer = load_class(sum(link.inertial.mass for link in model.links))
-        wheels = wheel_poses(model.links, model.joints)
+        wheels, parts.skids = wheel_poses(model.links, model.joints), skids(model.links, model.joints)
         parts.sleeps = model.allow_auto_disable and not (model.joints or any(link.sensors for link in model.links))
         if not parts.static:
             parts.space = ode.SimpleSpace(self._moving_space)
@@ -158,7 +158,7 @@ class OdeWorld(Engine):
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
         self._shapes[geom] = Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
-                                   parts.stiffer, link.countdown, link.spec.kinematic)
+                                   parts.stiffer, link.countdown, link.spec.kinematic, parts.skids)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
         if body is None and not isinstance(collision.geometry, Plane):

@@ -33,7 +33,7 @@ class ModelParts:
         self.links: List[LinkBody] = []
         self.joints: List[JointDrive] = []
         self.geoms: List[Geom] = []
-        self.self_colliding, self.sleeps, self.stiffer = False, False, 1.0
+        self.self_colliding, self.sleeps, self.skids, self.stiffer = False, False, False, 1.0
         self.too_mobile: Optional[Tuple[str, str]] = None       # result of limits.too_mobile
 
 
@@ -57,19 +57,23 @@ class Shape:
         None if the body never sleeps.
     kinematic : bool, optional
         Whether nothing can push the body; two such shapes, or one and a static one, have no contacts.
+    skids : bool, optional
+        Whether the model has wheels on several axles, see :func:`m2wr_sim.physics.wheels.skids`.
     """
 
     __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown",
-                 "yields")
+                 "yields", "skids")
 
     def __init__(self, name: str, collision: Collision, wheel: bool, model: str, link: str, body: Optional[ode.Body],
-                 stiffer: float, countdown: Optional[Countdown], kinematic: bool = False) -> None:
+                 stiffer: float, countdown: Optional[Countdown], kinematic: bool = False,
+                 skids: bool = False) -> None:
         self.name, self.collision, self.wheel = name, collision, wheel
         self.model, self.link = model, link
         self.body: ode.Body = body              # as in LinkBody
         self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
         self.countdown, self.restless = countdown, body is not None and countdown is None
         self.yields = body is not None and not kinematic
+        self.skids = wheel and skids and body is not None
 
 
 class LinkBody:

@@ -173,7 +173,7 @@ class PyodeEngine(OdeWorld):
         surface = None
         if one.yields or two.yields:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
-                                   self.settings, min(one.stiffer, two.stiffer))
+                                   self.settings, min(one.stiffer, two.stiffer), one.skids or two.skids)
         # ODE may exchange the two geoms of a pair as they move; it stays the same contact
         names = (min(one.name, two.name), max(one.name, two.name))
         pair = None if surface is None else (surface, one, two, names)

@@ -16,7 +16,8 @@ S / (N mu_i^2) in direction i, see "slip1" and "slip2" in its manual.  Without s
 holds the wheel.  The friction of a wheel with a constant slip is exact; one that brakes has less by mu g h / v, in a
 step h.
 
-Only a wheel has such contacts, one in a step: the normal force N is that of its contact in the last step.
+Only a wheel has such contacts, one in a step: the normal force N is that of its contact in the last step.  A model
+whose wheels share one axle, such as m2wr, turns without sliding and keeps the pyramid, see ``skids`` in wheels.
 """
 from __future__ import annotations
 

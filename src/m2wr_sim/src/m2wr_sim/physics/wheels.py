@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from m2wr_sim.model.types import Joint, Link
 
 _WHEEL_ALIGNMENT = math.cos(math.radians(2.0))      # between the axes of a cylinder and its joint: it is a wheel
+_SAME_AXLE = 0.01       # m between the axes of two wheels on one axle: more than a model's rounding
 _WHEEL_SNAP = math.cos(math.radians(0.1))           # below that angle the axes are aligned
 
 
@@ -54,6 +55,29 @@ def wheel_poses(links: Iterable[Link], joints: Iterable[Joint]) -> Dict[Tuple[st
             if abs(along[2]) >= _WHEEL_ALIGNMENT:
                 wheels[joint.child, collision.name] = (position, orientation)
     return wheels
+
+
+def skids(links: Iterable[Link], joints: Iterable[Joint]) -> bool:
+    """Return whether a model has wheels on several axles: some of them must slide when it turns, unless they steer.
+
+    Parameters
+    ----------
+    links : iterable of m2wr_sim.model.types.Link
+        Of a model.
+    joints : iterable of m2wr_sim.model.types.Joint
+        Of the same model.
+    """
+    by_name = {link.name: link for link in links}
+    axles = []
+    for (link, _), (centre, orientation) in wheel_poses(by_name.values(), joints).items():
+        position, turned = compose(by_name[link].pose, (centre, orientation))
+        axles.append((position, rotate(turned, (0.0, 0.0, 1.0))))
+    for position, _ in axles[1:]:
+        apart = tuple(position[k] - axles[0][0][k] for k in range(3))
+        along = sum(apart[k] * axles[0][1][k] for k in range(3))
+        if math.sqrt(max(0.0, sum(value * value for value in apart) - along * along)) > _SAME_AXLE:
+            return True
+    return False
 
 
 def initial_link_pose(model_pose: Pose, link: Link) -> Pose:
