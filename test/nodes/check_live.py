@@ -7,13 +7,13 @@ import sys
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import Twist
 from websockets.sync.client import connect
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from live_browser import Page  # noqa: E402
 from live_changes import LiveChanges  # noqa: E402
-from live_pages import CRATE, address_of, green, live, status_of  # noqa: E402
+from live_pages import CRATE, address_of, goals_of, green, live, status_of  # noqa: E402
 from sim_probe import Recorder, run_checks, wait_until  # noqa: E402
 
 
@@ -47,7 +47,7 @@ class Live(LiveChanges):
         wait_until(lambda: green(page.scene()) < 20, "the page without the crate")
 
     def test_clicks_place_an_obstacle_and_send_a_goal(self):
-        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
+        goals = goals_of("/pages")
         page = self.page
         page.choose("place a cylinder")
         name = self.placed(page, 330, 420)

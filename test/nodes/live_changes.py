@@ -7,10 +7,9 @@ import tempfile
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import LaserScan
 
-from live_pages import CRATE, LiveCase, RawPage, address_of, green, live, status_of
+from live_pages import CRATE, LiveCase, RawPage, address_of, goals_of, green, live, status_of
 from sim_probe import Recorder, Running, program, wait_until
 
 THIN = 20                   # of 255; the green axis of the gizmo has it, see green()
@@ -33,7 +32,7 @@ class LiveChanges(LiveCase):
 
     def from_above(self, page):
         """Look from above; return where the pixel (200, 300) is [m], and pixels per metre."""
-        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
+        goals = goals_of("/pages")
         self.addCleanup(goals.close)
         page.choose("free")
         page.choose("from above")
@@ -191,7 +190,7 @@ class LiveChanges(LiveCase):
         self.page.open()
 
     def test_a_goal_that_is_no_number_is_refused_with_why(self):
-        goals = Recorder("/move_base_simple/goal", PoseStamped).connected()
+        goals = goals_of("/pages")
         self.addCleanup(goals.close)
         with RawPage(self.address) as page:
             page.choose("send a goal")

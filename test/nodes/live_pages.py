@@ -5,20 +5,25 @@ import time
 import unittest
 import urllib.error
 import urllib.request
+import xmlrpc.client
 
 import msgspec
 import numpy as np
+import rosgraph
+import rospy
 import viser
 import zstandard
+from geometry_msgs.msg import PoseStamped
 from websockets.sync.client import connect
 
 from live_browser import Page
 from m2wr_live.web.layers import LAYERS
-from sim_probe import PATIENCE, Running, Simulation, program, wait_until, xyz
+from sim_probe import PATIENCE, Recorder, Running, Simulation, program, wait_until, xyz
 
 CRATE = """<sdf version="1.6"><model name="crate"><static>1</static><link name="link"><collision name="c"><geometry>
 <box><size>1 1 1</size></box></geometry></collision><visual name="v"><geometry><box><size>1 1 1</size></box></geometry>
 <material><diffuse>0 0.8 0 1</diffuse></material></visual></link></model></sdf>"""
+GOAL = "/move_base_simple/goal"
 LAST = LAYERS[-1][0]
 CLICK = 15.0        # s after which a click is repeated
 ADDRESS = re.compile(r"live view: (http://\S+)")
@@ -47,6 +52,23 @@ def status_of(address, **headers):
             return answer.status
     except urllib.error.HTTPError as error:
         return error.code
+
+
+def goals_of(node):
+    """Return the recorder of goals as soon as a live view, given by its node's name, is connected to it.
+
+    A subscriber counts a publisher before the connection is made; the publisher refuses goals until then.
+    """
+    goals = Recorder(GOAL, PoseStamped)
+
+    def connected():
+        try:
+            publisher = xmlrpc.client.ServerProxy(rosgraph.Master(rospy.get_name()).lookupNode(node))
+            return any(link[2] == "o" and link[4] == GOAL and link[5] for link in publisher.getBusInfo("/live")[2])
+        except OSError:         # the node is about to end
+            return False
+    wait_until(connected, "a connection from %s for goals" % node)
+    return goals
 
 
 class RawPage:
