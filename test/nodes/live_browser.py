@@ -21,6 +21,7 @@ _DRAWN = 180.0              # s in which a film is drawn, with low priority
 _LISTS = (("free", "follow the robot", "from above"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
           ("select and drag", "send a goal", "place a box", "place a cylinder",
            "place the model barrel"))
+_LIST = 10.0                # s after which a list that does not open is opened again
 _START = 60.0               # s of wall time in which a page is drawn by software
 
 
@@ -171,10 +172,13 @@ class Page:
         options = next(options for options in _LISTS if option in options)
         if self.elements("input", option, "value"):
             return
-        present, = wait_until(lambda: [other for other in options if self.elements("input", other, "value")],
-                              "the list with " + option, _START)
-        self._click_on("input", present, "value")
-        self._click_on("[role=option]", option)
+        for patience in (_LIST, _LIST, _START):
+            present, = wait_until(lambda: [other for other in options if self.elements("input", other, "value")],
+                                  "the list with " + option, _START)
+            self._click_on("input", present, "value")
+            with contextlib.suppress(AssertionError if patience == _LIST else ()):  # the page may have closed the list
+                self._click_on("[role=option]", option, patience=patience)
+                break
         wait_until(lambda: self.elements("input", option, "value"), "the choice of " + option, _START)
 
     def unfold(self, title):
