@@ -114,7 +114,8 @@ class OdeWorld(Engine):
 
     def _build(self, parts: ModelParts, model: Model, pose: Pose) -> None:
         parts.stiffer = load_class(sum(link.inertial.mass for link in model.links))
-        wheels, parts.skids = wheel_poses(model.links, model.joints), skids(model.links, model.joints)
+        wheels = wheel_poses(model.links, model.joints)
+        parts.skids = skids(model.links, wheels)
         parts.sleeps = model.allow_auto_disable and not (model.joints or any(link.sensors for link in model.links))
         if not parts.static:
             parts.space = ode.SimpleSpace(self._moving_space)

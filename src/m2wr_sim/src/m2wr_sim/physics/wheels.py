@@ -57,19 +57,19 @@ def wheel_poses(links: Iterable[Link], joints: Iterable[Joint]) -> Dict[Tuple[st
     return wheels
 
 
-def skids(links: Iterable[Link], joints: Iterable[Joint]) -> bool:
+def skids(links: Iterable[Link], wheels: Dict[Tuple[str, str], Pose]) -> bool:
     """Return whether a model has wheels on several axles: some of them must slide when it turns, unless they steer.
 
     Parameters
     ----------
     links : iterable of m2wr_sim.model.types.Link
         Of a model.
-    joints : iterable of m2wr_sim.model.types.Joint
-        Of the same model.
+    wheels : dict
+        Its :func:`wheel_poses`.
     """
     by_name = {link.name: link for link in links}
     axles = []
-    for (link, _), (centre, orientation) in wheel_poses(by_name.values(), joints).items():
+    for (link, _), (centre, orientation) in wheels.items():
         position, turned = compose(by_name[link].pose, (centre, orientation))
         axles.append((position, rotate(turned, (0.0, 0.0, 1.0))))
     for position, _ in axles[1:]:
