@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from typing import TYPE_CHECKING, Dict, List, Sequence
+from typing import TYPE_CHECKING, List, Sequence
 
 import numpy as np
 from PIL import Image
@@ -153,9 +153,7 @@ def picture(grid: Grid, heights: Array, which: NDArray[np.int64], names: Sequenc
     bright = (light[2] - light[0] * along - light[1] * up) / np.sqrt(1.0 + along ** 2 + up ** 2)
     middle = heights[:-1, :-1]
     level = (middle - middle.min()) / max(float(np.ptp(middle)), 1e-9)
-    colours: Dict[int, Array] = {number: np.array([float(part) for part in _COLOURS[name].split()])
-                                 for number, name in enumerate(["ground", *names])}
-    base = np.stack([colours[number] for number in sorted(colours)])[which]
-    shaded = base * (0.35 + 0.75 * np.clip(bright, 0.0, 1.0) + 0.35 * level)[..., None]
+    colours = np.array([[float(part) for part in _COLOURS[name].split()] for name in ["ground", *names]])
+    shaded = colours[which] * (0.35 + 0.75 * np.clip(bright, 0.0, 1.0) + 0.35 * level)[..., None]
     image = Image.fromarray((255.0 * np.clip(shaded, 0.0, 1.0)).astype(np.uint8))
     return image.resize((768, 768), Image.BILINEAR)
