@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_navigation.methods.body import RobotBody, boxes_of
 from m2wr_sim.geometry import compose, matrix_from_quaternion, yaw_of
-from m2wr_sim.model.outlines import outline_of
-from m2wr_sim.model.types import Box, Cylinder, Sphere
+from m2wr_sim.model.outlines import outlines_of
+from m2wr_sim.model.types import Box, Cylinder, Mesh, Sphere
+from m2wr_view.mesh_outlines import hull_outline
 from m2wr_view.outlines import Outline, convex_hull, point_distances
 
 if TYPE_CHECKING:
@@ -40,13 +41,13 @@ def body_of(model: Model) -> RobotBody:
     Raises
     ------
     ValueError
-        If the robot has no laser, or no box, cylinder or sphere that collides.
+        If the robot has no laser, or no shape that collides.
     """
     shapes = [(collision.geometry, compose(link.pose, collision.pose))
               for link in model.links for collision in link.collisions]
     footprint = _slice(shapes, -TALL, TALL)
     if not footprint:
-        raise ValueError("robot {} has no box, cylinder or sphere that collides; expected its body".format(model.name))
+        raise ValueError("robot {} has no shape that collides; expected its body".format(model.name))
     laser = _laser_pose(model)
     if laser is None:
         raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
@@ -67,6 +68,10 @@ def _height(shapes: Sequence[Shape]) -> float:
             half = 0.5 * float(np.abs(upwards) @ geometry.size)
         elif isinstance(geometry, Cylinder):
             half = 0.5 * geometry.length * abs(upwards[2]) + geometry.radius * math.hypot(upwards[0], upwards[1])
+        elif isinstance(geometry, Mesh):
+            heights = geometry.vertices @ upwards + centre[2]
+            low, high = min(low, float(heights.min())), max(high, float(heights.max()))
+            continue
         else:
             continue
         low, high = min(low, centre[2] - half), max(high, centre[2] + half)
@@ -75,9 +80,17 @@ def _height(shapes: Sequence[Shape]) -> float:
 
 def _slice(shapes: Sequence[Shape], low: float, high: float) -> List[Outline]:
     """Return the outlines of the parts of shapes between two heights [m]."""
-    outlines = [outline_of(geometry, pose, low, high) for geometry, pose in shapes]
-    return [Outline(convex_hull(np.round(outline.vertices, DIGITS)), outline.radius)
-            for outline in outlines if outline is not None]
+    outlines = [outline for geometry, pose in shapes for outline in _outlines(geometry, pose, low, high)]
+    return [Outline(convex_hull(np.round(outline.vertices, DIGITS)), outline.radius) for outline in outlines]
+
+
+def _outlines(geometry: Any, pose: Pose, low: float, high: float) -> List[Outline]:
+    """Return the outlines of a shape; of a mesh its convex hull, as costmaps take of a footprint."""
+    if not isinstance(geometry, Mesh):
+        return outlines_of(geometry, pose, low, high)
+    points = geometry.vertices @ matrix_from_quaternion(pose[1]).T + pose[0]
+    hull = hull_outline(points, geometry.triangles.astype(np.int64), low, high)
+    return [] if hull is None else [hull]
 
 
 def _laser_pose(model: Model) -> Optional[Pose]:

@@ -39,6 +39,16 @@ def test_a_robot_without_wheels_turns_about_its_origin():
     assert sorted(map(tuple, body.hull.tolist())) == [(-0.2, -0.1), (-0.2, 0.1), (0.2, -0.1), (0.2, 0.1)]
 
 
+def test_a_body_that_is_a_mesh_has_its_hull(tmp_path):
+    """A tetrahedron from the floor to 0.3 m: its widest outline is its base, its height counts."""
+    path = tmp_path / "body.obj"
+    path.write_text("v -0.2 -0.1 0\nv -0.2 0.1 0\nv 0.2 0 0\nv 0 0 0.3\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n")
+    mesh = '<collision><geometry><mesh filename="file://{}"/></geometry></collision>'.format(path)
+    body = body_of(read_robot(BODY.format(mesh, LASER)))
+    assert sorted(map(tuple, body.hull.tolist())) == [(-0.2, -0.1), (-0.2, 0.1), (0.2, 0.0)]
+    assert body.height == pytest.approx(0.3)
+
+
 @pytest.mark.parametrize("text, reason", [(BODY.format(BOX, ""), "expected a laser"),
                                           (BODY.format("", LASER), "expected its body")])
 def test_a_robot_that_cannot_be_used_is_told(text, reason):

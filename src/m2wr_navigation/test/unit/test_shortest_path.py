@@ -43,6 +43,12 @@ def test_around_a_wall_the_path_turns_at_its_rounded_corners():
     assert path.length == pytest.approx(best, abs=1e-9)
 
 
+def test_a_wall_without_width_counts_as_a_thin_one():
+    thin = shortest_path([box(0.0, 0.0, 0.0002, 2.0)], 0.3, (-2.0, 0.1), (2.0, 0.1))
+    line = shortest_path([Outline(np.array([(0.0, -1.0), (0.0, 1.0)]))], 0.3, (-2.0, 0.1), (2.0, 0.1))
+    assert line.length == pytest.approx(thin.length, abs=1e-3) and line.length > 4.1
+
+
 def test_between_two_discs_the_path_takes_the_inner_tangent():
     path = shortest_path([disc(-2.0, -1.0, 1.0), disc(2.0, 1.0, 1.0)], 0.5, (-2.0, 0.5), (2.0, -0.5))
     # both ends lie on the circles of radius 1.5: an arc, the tangent, and the arc again, symmetric about the origin

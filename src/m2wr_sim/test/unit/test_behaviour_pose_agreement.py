@@ -15,7 +15,7 @@ from gazebo_msgs.srv import GetLinkStateRequest, SetLinkStateRequest
 from m2wr_sim.api.sim import Sim
 from m2wr_sim.api.vector import VectorSim
 from m2wr_sim.geometry import compose, quaternion_from_rpy
-from m2wr_sim.model.outlines import obstacle_outlines, outline_of
+from m2wr_sim.model.outlines import obstacle_outlines, outlines_of
 from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import (
     Axis,
@@ -161,14 +161,14 @@ class Agreement:
             for record, pose in zip(live.record.links, shown[model]):
                 same(read(pose), truth[model, record.name][1], 1e-3)       # what moves less is not sent again
         self.solids.update(markers)
-        outlines = [outline_of(collision.geometry, pose) for (model, _), (collision, pose) in truth.items()
-                    if model != "puck"]
+        outlines = [outline for (model, _), (collision, pose) in truth.items() if model != "puck"
+                    for outline in outlines_of(collision.geometry, pose)]
         assert middles(self.solids.blocking) == pytest.approx(middles(outlines), abs=2e-3)
 
 
 def middles(outlines):
     """Return where outlines are, in an order of their own; (n, 2) [m]."""
-    found = [np.mean(outline.vertices, axis=0) for outline in outlines if outline is not None]
+    found = [np.mean(outline.vertices, axis=0) for outline in outlines]
     return np.array(sorted(found, key=lambda middle: tuple(np.round(middle, 1))))
 
 

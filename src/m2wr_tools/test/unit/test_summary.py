@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry, Path
 from std_msgs.msg import String
 
 from m2wr_sim.geometry import compose, quaternion_from_rpy
-from m2wr_sim.model.outlines import obstacle_outlines, outline_of
+from m2wr_sim.model.outlines import obstacle_outlines, outlines_of
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere, Surface, World
 from m2wr_tools.runs.summary import Summary, format_table, summarise
 from m2wr_view import run_picture as picture
@@ -251,6 +251,13 @@ def test_footprint_is_that_of_the_model(m2wr, build):
     assert np.allclose(support(laid), support(M2WR_FOOTPRINT), atol=1e-4)
     for part in M2WR_FOOTPRINT:
         assert min(np.max(np.abs(support([part]) - support([outline]))) for outline in laid) < 1e-4
+
+
+def outline_of(*arguments, **keywords):
+    """Return the only outline of a shape, or None."""
+    found = outlines_of(*arguments, **keywords)
+    assert len(found) < 2
+    return found[0] if found else None
 
 
 def test_hull_keeps_corners_only():

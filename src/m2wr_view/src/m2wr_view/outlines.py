@@ -85,8 +85,23 @@ def convex_hull(points: ArrayLike) -> FloatArray:
     return np.array(hull)
 
 
-def _slice_from_above(corners: FloatArray, edges: IndexArray, low: float, high: float) -> Optional[FloatArray]:
-    """Return the hull (m, 2) of what of a convex body lies between two heights, or None if nothing does."""
+def slice_from_above(corners: FloatArray, edges: IndexArray, low: float, high: float) -> Optional[FloatArray]:
+    """Return the outline from above of the part of a convex body between two heights.
+
+    Parameters
+    ----------
+    corners : (n, 3) float64
+        Of the body, in world [m].
+    edges : (k, 2) int
+        Indices of the corners that its edges connect.
+    low, high : float
+        Heights of the slice [m].
+
+    Returns
+    -------
+    (m, 2) float64 or None
+        Corners [m], counter-clockwise; None if no part is between the heights.
+    """
     heights = corners[:, 2]
     if heights.max() <= low or heights.min() >= high:
         return None
@@ -138,7 +153,7 @@ def box_outline(size: ArrayLike, centre: ArrayLike, rotation: ArrayLike, low: fl
     name : str
         Of the model.
     """
-    vertices = _slice_from_above((_CORNERS * size).dot(np.asarray(rotation).T) + centre, _BOX_EDGES, low, high)
+    vertices = slice_from_above((_CORNERS * size).dot(np.asarray(rotation).T) + centre, _BOX_EDGES, low, high)
     return None if vertices is None else Outline(vertices, 0.0, name)
 
 
@@ -166,7 +181,7 @@ def cylinder_outline(radius: float, length: float, centre: ArrayLike, rotation: 
         inside = centre[2] - 0.5 * length < high and centre[2] + 0.5 * length > low
         return Outline(centre[None, :2], radius, name) if inside else None
     corners, edges = _cylinder_corners(radius, length)
-    vertices = _slice_from_above(corners.dot(rotation.T) + centre, edges, low, high)
+    vertices = slice_from_above(corners.dot(rotation.T) + centre, edges, low, high)
     return None if vertices is None else Outline(vertices, 0.0, name)
 
 
@@ -185,7 +200,7 @@ def triangle_outlines(corners: FloatArray, low: float = FLOOR, high: float = ROB
     """
     found = []
     for triangle in corners[(corners[..., 2].max(axis=1) > low) & (corners[..., 2].min(axis=1) < high)]:
-        vertices = _slice_from_above(triangle, _TRIANGLE_EDGES, low, high)
+        vertices = slice_from_above(triangle, _TRIANGLE_EDGES, low, high)
         if vertices is not None and len(vertices):
             found.append(Outline(vertices, 0.0, name))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 
 from m2wr_sim.control.pose_track import PoseScript, PoseTrack
 from m2wr_sim.geometry import compose, yaw_of
-from m2wr_sim.model.outlines import outline_of
+from m2wr_sim.model.outlines import outlines_of
 from m2wr_view.outlines import Outline, least_clearance
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ def _outlines(model: Model, low: float, high: float) -> List[Outline]:
     for link in model.links:
         for collision in link.collisions:
             pose = compose(model.pose, compose(link.pose, collision.pose))
-            outline = outline_of(collision.geometry, pose, low, high, model.name)
-            if outline is not None:
+            for outline in outlines_of(collision.geometry, pose, low, high, model.name):
                 shifted = Outline(outline.vertices - (x, y), outline.radius, outline.name)
                 found.append(_planar(shifted, 0.0, 0.0, -yaw))
     return found
