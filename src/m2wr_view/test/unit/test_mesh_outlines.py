@@ -55,7 +55,7 @@ def test_a_building_of_boxes_has_their_outlines(winding):
         assert least_clearance(poses, found).distance == pytest.approx(distance, abs=1e-4)
 
 
-def test_corners_of_single_triangles_are_joined_as_in_an_stl_file():
+def test_corners_of_triangles_are_joined_as_in_an_stl_file():
     points, triangles = box_mesh((1.0, 2.0, 1.0), (3.0, 0.0, 0.5), np.eye(3))
     separate = points[triangles].reshape(-1, 3) + np.random.default_rng(1).uniform(-2e-7, 2e-7, (36, 3))
     outline, = mesh_outlines(separate, np.arange(36).reshape(-1, 3))
