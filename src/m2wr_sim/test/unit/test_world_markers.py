@@ -7,8 +7,16 @@ import pytest
 from visualization_msgs.msg import Marker
 
 from conftest import at
-from m2wr_sim.model.types import Box, Collision, Cylinder, Mesh, Sphere, Visual
-from m2wr_sim.ros.world_markers import MOST_TRIANGLES, OTHER_COLOUR, WorldMarkers, colour_of, is_robot, marker_of
+from m2wr_sim.model.types import Box, Collision, Cylinder, Heightmap, Mesh, MeshFile, Sphere, Visual
+from m2wr_sim.ros.world_markers import (
+    MOST_TRIANGLES,
+    OTHER_COLOUR,
+    GroundMarkers,
+    WorldMarkers,
+    colour_of,
+    is_robot,
+    marker_of,
+)
 from m2wr_sim.runtime.ports import LocalPort
 
 
@@ -118,3 +126,38 @@ def test_the_colour_is_that_of_the_visual(build):
 
 def test_a_model_with_plugins_is_a_robot(m2wr, build):
     assert is_robot(m2wr) and not is_robot(build.ground())
+
+
+def test_ground_is_told_once_and_again_when_it_changes(make_rig, build):
+    rig, port, arrays = make_rig(), LocalPort("/gazebo/ground_markers"), []
+    port.publish = arrays.append
+    ground = GroundMarkers(rig.simulator, port, "odom")
+    rig.simulator.add_observer(ground, "ground")
+    rig.run(0.1)
+    assert not arrays
+    heights = np.zeros((5, 5))
+    heights[2, 2] = 0.4
+    rig.simulator.spawn(build.one_link("hill", Heightmap(heights, (4.0, 4.0)), at(), static=True), at(3.0, 0.0, 0.0))
+    rig.run(0.1)
+    rig.simulator.spawn(build.box("crate", -3.0, 0.0, 0.25, size=(0.5, 0.5, 0.5)), at(-3.0, 0.0, 0.25))
+    rig.run(0.1)
+    rig.simulator.delete("hill")
+    rig.run(0.1)
+    assert [len(array.markers) for array in arrays] == [2, 1]
+    marker = arrays[0].markers[1]
+    assert (marker.ns, marker.header.frame_id, len(marker.points), len(marker.colors)) == ("hill", "odom", 96, 96)
+    assert max((point.z, point.x, point.y) for point in marker.points) == pytest.approx((0.4, 3.0, 0.0))
+
+
+def test_ground_has_no_world_marker(make_rig, build):
+    rig = make_rig()
+    rig.simulator.spawn(build.one_link("hill", Heightmap(np.zeros((5, 5)), (4.0, 4.0)), at(), static=True), at())
+    assert Shown(rig).arrays() == [{}]
+
+
+def test_a_mesh_has_the_colour_of_the_visual_of_its_file(build):
+    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32), "/ice.stl")
+    link = replace(build.one_link("m", mesh, at()).links[0], visuals=(
+        Visual("a", MeshFile("/mud.stl"), rgba=(0.3, 0.2, 0.1, 1.0)),
+        Visual("b", MeshFile("/ice.stl"), rgba=(0.8, 0.9, 1.0, 1.0))))
+    assert colour_of(link, link.collisions[0]) == (0.8, 0.9, 1.0, 1.0)

@@ -134,6 +134,10 @@ def needed_bounds(scene: Scene) -> Tuple[float, ...]:
         points.append((scene.pose[0], scene.pose[1]))
     ends = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
     low, high = with_obstacles(ends.min(axis=0), ends.max(axis=0), scene.solids.blocking + scene.solids.hanging)
+    for ground in scene.ground:         # the rest of a large one is cut off
+        spread = ground.corners.reshape(-1, 2)
+        low = np.minimum(low, np.maximum(spread.min(axis=0), low - SURROUNDINGS))
+        high = np.maximum(high, np.minimum(spread.max(axis=0), high + SURROUNDINGS))
     if scene.grid is not None:
         corners = _known_corners(*scene.grid)
         if corners is not None:

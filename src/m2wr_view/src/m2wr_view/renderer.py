@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from m2wr_view.layout import View
     from m2wr_view.outlines import Outline
     from m2wr_view.scene import Scene
+    from m2wr_view.solids import Ground
 
     Colour = Tuple[float, float, float]
     Points = Sequence[Sequence[float]]
@@ -144,6 +145,7 @@ class Renderer:
         self._view: Optional[View] = None
         self._cells: Optional[Int8Array] = None     # of the newest map
         self._map: Optional[cairo.ImageSurface] = None      # what they look like
+        self._ground: Optional[Tuple[int, Sequence[Ground], cairo.ImageSurface]] = None      # view, content, picture
 
     def draw(self, scene: Scene) -> Image.Image:
         """Return a scene as an RGB image of Pillow; a new image each time."""
@@ -181,6 +183,7 @@ class Renderer:
         context.save()
         context.rectangle(*self._window)
         context.clip()
+        self._draw_ground(context, scene.ground, view)
         self._draw_world(context, scene, view)
         if scene.grid is not None:
             self._draw_map(context, scene.grid, view)
@@ -278,6 +281,23 @@ class Renderer:
         context.stroke()
         self._font(context, 12)
         self._text(context, "%g m" % length, right - 0.5 * pixels, bottom - 8 * unit, 0.5)
+
+    def _draw_ground(self, context: cairo.Context, ground: Sequence[Ground], view: View) -> None:
+        """Draw ground, which is kept as a picture: it has thousands of triangles."""
+        if not ground:
+            return
+        if self._ground is None or self._ground[0] != id(view) or self._ground[1] is not ground:
+            surface = cairo.ImageSurface(cairo.FORMAT_ARGB32, self.width, self.height)
+            painter = cairo.Context(surface)
+            painter.set_antialias(cairo.ANTIALIAS_NONE)         # else the edges of neighbours would be seen
+            for piece in ground:
+                for corners, colour in zip(view.pixels(piece.corners).tolist(), piece.colours.tolist()):
+                    painter.set_source_rgb(*colour)
+                    _path(painter, corners, closed=True)
+                    painter.fill()
+            self._ground = (id(view), ground, surface)
+        context.set_source_surface(self._ground[2], 0, 0)
+        context.paint()
 
     @staticmethod
     def _draw_world(context: cairo.Context, scene: Scene, view: View) -> None:

@@ -11,13 +11,13 @@ import numpy as np
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import Frames, compose, inverse, matrix_of, planar, yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT
-from m2wr_view.solids import Solids, read_robot
+from m2wr_view.solids import Solids, ground_of, read_robot
 
 if TYPE_CHECKING:
     from m2wr_view.array_types import BoolArray, FloatArray, Int8Array
     from m2wr_view.frames import Numbers
     from m2wr_view.outlines import Outline
-    from m2wr_view.solids import Robot
+    from m2wr_view.solids import Ground, Robot
 
 JUMP = 0.5              # m between two samples; more means that the robot was placed there and did not drive
 TRAIL_STEP = 0.02       # m between two points of the trail
@@ -32,6 +32,7 @@ TOPICS = {
     "m2wr/laser/scan": ("sensor_msgs/LaserScan", "take_scan"),
     "map": ("nav_msgs/OccupancyGrid", "take_map"),
     "gazebo/world_markers": ("visualization_msgs/MarkerArray", "take_markers"),
+    "gazebo/ground_markers": ("visualization_msgs/MarkerArray", "take_ground"),
     "robot_description": ("std_msgs/String", "take_description"),
     "bug2/state": ("std_msgs/String", "take_state"),
     "bug2/m_line": ("nav_msgs/Path", "take_line"),
@@ -55,6 +56,8 @@ class Scene:
         The newest one.
     grid : (transform (4, 4), resolution, (rows, columns) int8) or None
         The map, and how its first cell's corner lies.
+    ground : list of Ground
+        Pieces of ground that is not level.
     version : int
         Increases when something changes that is not drawn in each picture.
     trail_version : int
@@ -70,6 +73,7 @@ class Scene:
         self.leaves: List[Tuple[float, float]] = []
         self.line: List[Tuple[float, float]] = []
         self.solids = Solids()
+        self.ground: List[Ground] = []
         self.robot: Optional[Robot] = None
         self.footprint: Sequence[Outline] = M2WR_FOOTPRINT
         self.scan: Any = None
@@ -187,6 +191,12 @@ class Scene:
     def take_markers(self, message: Any) -> None:
         """Take markers of the world."""
         self.solids.update(message.markers)
+        self.version += 1
+
+    def take_ground(self, message: Any) -> None:
+        """Take markers of ground."""
+        found = [ground_of(marker) for marker in message.markers]
+        self.ground = [ground for ground in found if ground is not None]
         self.version += 1
 
     def take_description(self, message: Any) -> None:

@@ -28,6 +28,31 @@ class Robot(NamedTuple):
     root: str
 
 
+class Ground(NamedTuple):
+    """Triangles from above: ``corners`` (n, 3, 2) in world [m], the lowest first; ``colours`` (n, 3), 0 to 1."""
+
+    corners: FloatArray
+    colours: FloatArray
+
+
+def ground_of(marker: Any) -> Optional[Ground]:
+    """Return the ground of a marker; None for one that is no list of triangles."""
+    count = len(marker.points) // 3
+    if marker.type != _TRIANGLES or marker.action != 0 or not count:
+        return None
+    place, turn, plain = marker.pose.position, marker.pose.orientation, marker.color
+    corners = np.array([(point.x, point.y, point.z) for point in marker.points[:3 * count]], dtype=float)
+    corners = corners * (marker.scale.x, marker.scale.y, marker.scale.z)
+    corners = corners.dot(rotation_of((turn.x, turn.y, turn.z, turn.w)).T) + (place.x, place.y, place.z)
+    colours = np.array([(colour.r, colour.g, colour.b) for colour in marker.colors] if len(marker.colors) >= 3 * count
+                       else [(plain.r, plain.g, plain.b)] * (3 * count), dtype=float)[:3 * count]
+    if not np.all(np.isfinite(corners)):
+        return None
+    corners, colours = corners.reshape(-1, 3, 3), colours.reshape(-1, 3, 3).mean(axis=1)
+    order = np.argsort(corners[..., 2].max(axis=1), kind="stable")
+    return Ground(corners[order][..., :2], np.clip(colours[order], 0.0, 1.0))
+
+
 class Solids:
     """The shapes of all markers, as outlines.
 

@@ -5,7 +5,9 @@ import time
 
 import numpy as np
 import pytest
-from visualization_msgs.msg import Marker
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 from conftest import URDF
 from m2wr_view.layout import nice_step
@@ -208,3 +210,18 @@ def test_a_frame_takes_little_time(make, full):
         renderer.draw(full)
         spent.append(time.process_time() - began)
     assert sorted(spent)[10] < 0.015        # of processor time; a loaded machine spoils some of them
+
+
+def test_ground_is_below_all_else_in_its_colours(full):
+    marker = Marker(type=Marker.TRIANGLE_LIST)
+    marker.scale.x = marker.scale.y = marker.scale.z = marker.pose.orientation.w = 1.0
+    for x, z in ((-9.0, 0.0), (0.0, 0.5)):          # two pieces, dark and bright
+        for dx, dy in ((0.0, -9.0), (9.0, -9.0), (9.0, 9.0), (0.0, -9.0), (9.0, 9.0), (0.0, 9.0)):
+            marker.points.append(Point(x + dx, dy, z))
+            marker.colors.append(ColorRGBA(0.2 + z, 0.2, 0.2, 1.0))
+    before = Picture(full)
+    full.take_ground(MarkerArray([marker]))
+    after = Picture(full)
+    assert after.count("#333333") > 1000 and after.count("#B23333") > 1000 and not before.count("#B23333")
+    for colour in (ROBOT_COLOUR, OBSTACLE_COLOUR):
+        assert after.count(colour) == pytest.approx(before.count(colour), rel=0.01)      # but for what edges blend with

@@ -35,7 +35,7 @@ from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import NodeConfig, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts, RosSimulator
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
-from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
+from m2wr_sim.ros.world_markers import DescriptionTopic, GroundMarkers, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.ray_scene import RayScene
@@ -202,12 +202,12 @@ def _network(config: NodeConfig, simulator: RosSimulator, factor: float, folders
     states = WorldStates(simulator, models, links, rate=config.pub_state_frequency)
     simulator.add_observer(states, "state topics")
     diagnostics, performance = Diagnostics(simulator, factor, lockstep), Performance(simulator)
-    markers, description = _view_topics(simulator, config)
+    views = _view_topics(simulator, config)
 
     turned_ns = [-1]
 
     def on_turn() -> None:
-        for part in (diagnostics, performance, markers, description):
+        for part in (diagnostics, performance, *views):
             part.turn()
         if turned_ns[0] == simulator.now_ns:        # paused, or waiting: no further message comes soon
             states.rest()
@@ -225,15 +225,18 @@ def _network(config: NodeConfig, simulator: RosSimulator, factor: float, folders
     return loop, GazeboApi(simulator, loop, spawner, config.gazebo_faults, set_factor)
 
 
-def _view_topics(simulator: Simulator, config: NodeConfig) -> Tuple[WorldMarkers, DescriptionTopic]:
+def _view_topics(simulator: Simulator, config: NodeConfig) -> Tuple[WorldMarkers, GroundMarkers, DescriptionTopic]:
     """Add what viewers and recordings need: markers, true states of robots, description (docs/reference/topics.md)."""
     markers = WorldMarkers(simulator, LatchedPort(simulator.ports, "~world_markers", MarkerArray),
                            config.world_markers_frame, config.world_markers_rate)
     simulator.add_observer(markers, "world markers")
+    ground = GroundMarkers(simulator, LatchedPort(simulator.ports, "~ground_markers", MarkerArray),
+                           config.world_markers_frame)
+    simulator.add_observer(ground, "ground markers")
     truth = simulator.ports.advertise("~robot_states", ModelStates, 10, "")
     simulator.add_observer(WorldStates(simulator, truth, LocalPort("", listening=False), _TRUTH_RATE, is_robot),
                            "true states of robots")
-    return markers, DescriptionTopic(simulator)
+    return markers, ground, DescriptionTopic(simulator)
 
 
 def running_namesake(name: str) -> Optional[str]:

@@ -2,7 +2,7 @@
 """Topics from which a viewer can show a world: markers of its objects, and the description of the robot.
 
 Markers show collision shapes, which lasers measure and robots collide with. Robots have no markers:
-viewers show them by their description and tf.
+viewers show them by their description and tf.  Ground has a topic of its own, because it is large and never moves.
 """
 import copy
 import logging
@@ -11,11 +11,12 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import rospy
 from geometry_msgs.msg import Point, Pose
-from std_msgs.msg import String
+from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.types import Box, Collision, Cylinder, Link, Mesh, Model, Sphere
+from m2wr_sim.model.ground import COLOUR, Ground, ground_of, is_ground, tinted
+from m2wr_sim.model.types import Box, Collision, Cylinder, Link, Mesh, MeshFile, Model, Sphere
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.runtime.schedule import StrictSchedule
@@ -24,6 +25,7 @@ from m2wr_sim.runtime.simulator import Simulator
 log = logging.getLogger("m2wr_sim")
 
 MOST_TRIANGLES = 5000           # of one mesh; larger meshes take too long to send
+MOST_GROUND = 20000             # triangles of one piece of ground, about 2.5 MB
 STILL = 5e-4                    # m, and for quaternions: smaller motion is ignored, as bodies at rest creep
 OTHER_COLOUR = (0.6, 0.6, 0.6, 1.0)
 MATERIALS = {"black": (0.0, 0.0, 0.0), "blue": (0.0, 0.0, 1.0), "green": (0.0, 1.0, 0.0), "grey": (0.7, 0.7, 0.7),
@@ -48,8 +50,10 @@ def colour_of(link: Link, collision: Collision) -> Tuple[float, ...]:
     collision : Collision
     """
     coloured = [visual for visual in link.visuals if visual.rgba or visual.material]
-    same = [visual for visual in coloured if visual.geometry.__class__ is collision.geometry.__class__
-            and visual.geometry == collision.geometry]
+    shape = collision.geometry
+    same = [visual for visual in coloured if visual.geometry.__class__ is shape.__class__ and visual.geometry == shape
+            or isinstance(visual.geometry, MeshFile) and isinstance(shape, Mesh)
+            and visual.geometry.path == shape.source]
     for visual in same + coloured:
         if visual.rgba:
             return tuple(visual.rgba)
@@ -62,7 +66,7 @@ def colour_of(link: Link, collision: Collision) -> Tuple[float, ...]:
 def marker_of(collision: Collision, pose: Any, colour: Tuple[float, ...]) -> Optional[Marker]:
     """Return the Marker of a collision without frame and name, or None for a shape that is not shown.
 
-    Planes and heightmaps are ground and not shown, nor are meshes of more than ``MOST_TRIANGLES``.
+    Planes and heightmaps have none, nor have meshes of more than ``MOST_TRIANGLES``.
 
     Parameters
     ----------
@@ -87,6 +91,26 @@ def marker_of(collision: Collision, pose: Any, colour: Tuple[float, ...]) -> Opt
     marker.scale.x, marker.scale.y, marker.scale.z = size
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = colour
     write_pose(marker.pose, *pose)
+    return marker
+
+
+def ground_marker(ground: Ground, colour: Tuple[float, ...]) -> Marker:
+    """Return the shaded Marker of a piece of ground without frame and name.
+
+    Parameters
+    ----------
+    ground : Ground
+        In the frame of the marker.
+    colour : tuple of 3 or 4 floats
+        r, g, b in 0 to 1.
+    """
+    marker = Marker(action=Marker.ADD, type=Marker.TRIANGLE_LIST)
+    marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = marker.pose.orientation.w = 1.0
+    marker.color.r, marker.color.g, marker.color.b = colour[:3]
+    points = [Point(*point) for point in ground.points.tolist()]
+    colours = [ColorRGBA(*rgb, 1.0) for rgb in tinted(ground.shades, colour).tolist()]
+    corners = ground.triangles.ravel().tolist()
+    marker.points, marker.colors = [points[corner] for corner in corners], [colours[corner] for corner in corners]
     return marker
 
 
@@ -116,6 +140,8 @@ class _Shown:
                  for name, handle in model.handle.links.items() if name == link.name}
         for handle, collision, _ in engine.collisions(model.handle):
             pose = compose(engine.link_pose(handle), collision.pose)
+            if model.record.static and is_ground(collision.geometry, pose):
+                continue                # see GroundMarkers
             marker = marker_of(collision, pose, colour_of(links[handle], collision))
             if marker is None:
                 if isinstance(collision.geometry, Mesh):
@@ -238,6 +264,80 @@ class WorldMarkers(Plugin):
         if self._schedule is not None:
             self._schedule.restart(now_ns)
             self.look()
+
+
+class GroundMarkers(Plugin):
+    """Publishes the ground of static models: heightmaps, and meshes that face up everywhere.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    port : LatchedPort
+        For a MarkerArray.  Nothing is published until there is ground.
+    frame : str
+        Frame of the markers; its axes are those of the world.
+    """
+
+    def __init__(self, simulator: Simulator, port: LatchedPort, frame: str) -> None:
+        self._simulator, self._port, self._frame = simulator, port, frame
+        self._models: Optional[List[Any]] = None
+        self._placements: Any = None
+        self._published: List[Any] = []         # models and poses of the last array
+        self.turn()
+
+    def configure(self, spec: Any, ctx: Any) -> None:
+        """Do nothing: this plugin belongs to no tag.
+
+        Parameters
+        ----------
+        spec, ctx
+            Not used.
+        """
+
+    def next_before(self, now_ns: int) -> Optional[int]:
+        return now_ns + self._simulator.step_ns if self._changed() else NEVER
+
+    def before_step(self, now_ns: int) -> None:
+        self.turn()
+
+    def _changed(self) -> bool:
+        simulator = self._simulator
+        return self._placements != simulator.engine.placements or self._models != list(simulator.models.values())
+
+    def turn(self) -> None:
+        """Publish all ground again if a model was added, removed or placed."""
+        if not self._changed():
+            return
+        engine = self._simulator.engine
+        self._models, self._placements = list(self._simulator.models.values()), engine.placements
+        pieces = [(model, handle, collision, compose(engine.link_pose(handle), collision.pose))
+                  for model in self._models if model.record.static
+                  for handle, collision, _ in engine.collisions(model.handle)]
+        pieces = [piece for piece in pieces if is_ground(piece[2].geometry, piece[3])]
+        if [(id(piece[0]), piece[3]) for piece in pieces] == self._published:
+            return
+        self._published = [(id(piece[0]), piece[3]) for piece in pieces]
+        markers = [Marker(action=Marker.DELETEALL)]
+        grounds = ground_of([(collision.geometry, pose) for _, _, collision, pose in pieces], MOST_GROUND)
+        for (model, handle, collision, _), ground in zip(pieces, grounds):
+            link = next(link for link in model.record.links if model.handle.links[link.name] == handle)
+            colour = colour_of(link, collision)
+            marker = ground_marker(ground, COLOUR if colour is OTHER_COLOUR else colour)
+            marker.ns, marker.id = model.name, len(markers)
+            markers.append(marker)
+        for marker in markers:
+            marker.header.frame_id = self._frame
+        self._port.publish(MarkerArray(markers))
+
+    def reset(self, now_ns: int, rewound: bool) -> None:
+        """Publish changes.
+
+        Parameters
+        ----------
+        now_ns, rewound
+            Not used.
+        """
+        self.turn()
 
 
 class DescriptionTopic:
