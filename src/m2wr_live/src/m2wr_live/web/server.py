@@ -8,12 +8,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
+import gzip
 import http
 import io
 import json
 import logging
 import os
-from typing import Any, Callable, Dict, Iterator, List, Optional, Set
+from typing import Any, Callable, Dict, Iterator, List, Optional, Set, Tuple
 
 import viser
 import viser._messages
@@ -25,6 +26,7 @@ import websockets.datastructures
 import websockets.exceptions
 import websockets.http11
 
+from m2wr_live.web.client_page import ClientFile, ClientPage, split_page
 from m2wr_live.web.intake import take_messages
 from m2wr_live.web.requests import Drive, read_drive
 from m2wr_live.web.windows import send_windows
@@ -131,6 +133,8 @@ class PageServer:
         self.status: Dict[str, Any] = {}
         self._pages: Set[Any] = set()
         self._refused: Set[str] = set()
+        self._document = ""                         # read when the first page is asked for
+        self._client: Optional[ClientPage] = None
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)       # says each lost connection otherwise
         with _guarded_viser(self):
             self.viser = viser.ViserServer(host=host, port=port, verbose=False)
@@ -179,6 +183,8 @@ class PageServer:
                 return _response(http.HTTPStatus.OK, stream.read(), _TYPES[os.path.splitext(name)[1]])
         if name in ("", "index.html"):
             return self._page(request.path)
+        if self._client is not None and name in self._client.files:
+            return _kept(self._client.files[name], request.headers.get("Accept-Encoding", ""))
         return inner(connection, request)
 
     def _log_refusal(self, reason: str) -> None:
@@ -188,15 +194,26 @@ class PageServer:
 
     def _page(self, path: str) -> Any:
         """Return viser's page with this package's script in it."""
-        source = os.path.join(os.path.dirname(viser.__file__), "client", "build", "index.html")
-        with open(source, encoding="utf-8") as stream:
-            before, mark, after = stream.read().rpartition("</body>")
-        own = "<link rel=\"stylesheet\" href=\"live.css\"><script src=\"live.js\"></script>"
-        answer = _response(http.HTTPStatus.OK, before + own + mark + after, "text/html; charset=utf-8")
+        if not self._document:
+            self._read_page()
+        answer = _response(http.HTTPStatus.OK, self._document, "text/html; charset=utf-8")
         cookie = self._access.cookie_line(path)
         if cookie:
             answer.headers["Set-Cookie"] = cookie
         return answer
+
+    def _read_page(self) -> None:
+        """Read the page, in parts if that is possible."""
+        own = "<link rel=\"stylesheet\" href=\"live.css\"><script src=\"live.js\"></script>"
+        source = os.path.join(os.path.dirname(viser.__file__), "client", "build", "index.html")
+        with open(source, encoding="utf-8") as stream:
+            text = stream.read()
+        self._client = split_page(text, own)
+        if self._client is not None:
+            self._document = self._client.document
+        else:
+            before, mark, after = text.rpartition("</body>")
+            self._document = before + own + mark + after
 
     async def connect(self, inner: Callable[[Any], Any], connection: Any) -> None:
         """Serve a websocket: the own one of a page, or viser's.
@@ -252,8 +269,19 @@ class PageServer:
 
 
 def _response(status: http.HTTPStatus, text: str, kind: str = "text/plain; charset=utf-8") -> Any:
-    body = text.encode("utf-8")
-    headers = websockets.datastructures.Headers([
-        ("Content-Type", kind), ("Content-Length", str(len(body))), ("Cache-Control", "no-cache"),
-        ("X-Frame-Options", "SAMEORIGIN"), ("Referrer-Policy", "no-referrer"), ("Connection", "close")])
-    return websockets.http11.Response(status.value, status.phrase, headers, body)
+    return _answer(status, text.encode("utf-8"), ("Content-Type", kind), ("Cache-Control", "no-cache"))
+
+
+def _kept(file: ClientFile, accepted: str) -> Any:
+    """Return a file that browsers keep: its name changes with its content."""
+    packed = "gzip" in accepted
+    headers = [("Content-Type", file.kind), ("Cache-Control", "private, max-age=31536000, immutable"),
+               ("Vary", "Accept-Encoding")] + [("Content-Encoding", "gzip")] * packed
+    return _answer(http.HTTPStatus.OK, file.content if packed else gzip.decompress(file.content), *headers)
+
+
+def _answer(status: http.HTTPStatus, body: bytes, *headers: Tuple[str, str]) -> Any:
+    every = websockets.datastructures.Headers(headers + (
+        ("Content-Length", str(len(body))), ("X-Frame-Options", "SAMEORIGIN"), ("Referrer-Policy", "no-referrer"),
+        ("Connection", "close")))
+    return websockets.http11.Response(status.value, status.phrase, every, body)
