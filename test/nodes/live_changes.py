@@ -9,7 +9,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import LaserScan
 
-from live_pages import CRATE, LiveCase, RawPage, address_of, goals_of, green, live, status_of
+from live_pages import CLICK, CRATE, LiveCase, RawPage, address_of, goals_of, green, live, status_of
 from sim_probe import Recorder, Running, program, wait_until
 
 THIN = 20                   # of 255; the green axis of the gizmo has it, see green()
@@ -125,9 +125,14 @@ class LiveChanges(LiveCase):
         if os.path.exists(path):
             os.remove(path)
         page.press_button(kind)
-        page.save(name)
-        wait_until(lambda: os.path.exists(path) and os.path.getsize(path) > 0,      # the browser makes it empty, then
-                   "the content of " + name)                                        # replaces it by the whole one
+
+        def saved():
+            page.save(name)         # again if the offer was still moving into the page when it was clicked
+            try:                    # the browser makes the file empty, then replaces it by the whole one
+                return wait_until(lambda: os.path.exists(path) and os.path.getsize(path) > 0, "a file", CLICK)
+            except AssertionError:
+                return False
+        wait_until(saved, "the content of " + name)
         with open(path, "rb") as stream:
             return stream.read()
 
@@ -196,7 +201,9 @@ class LiveChanges(LiveCase):
             page.choose("send a goal")
             for bad in (math.nan, math.inf):
                 page.click((bad, 0.0, 5.0), (0.0, 0.0, -1.0))
-                self.assertIn("not on the ground", page.complaint())
+                self.assertRegex(page.complaint(), r"from [(\[]%g, 0.0, 5.0[)\]] .*expected three finite numbers" % bad)
+            page.click((1.0, 2.0, 5.0), (0.0, 0.0, 1.0))
+            self.assertIn("not on the ground", page.complaint())
             page.click((1.0, 2.0, 5.0), (0.0, 0.0, -1.0))
             goal = goals.wait(lambda messages: messages[-1], "a goal").pose.position
         self.assertEqual((goal.x, goal.y, len(goals.messages)), (1.0, 2.0, 1))

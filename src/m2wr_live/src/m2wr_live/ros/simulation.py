@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, TypeVar
+from typing import Any, Callable, Dict, List, Optional, Tuple, TypeVar
 
 import rosgraph
 import rospy
@@ -25,6 +25,7 @@ from m2wr_tools.service_client import Connection
 from m2wr_view.errors import ViewError
 
 SILENCE = 0.5               # s without a message of the page after which the robot is stopped
+CONNECTS = 1.0              # s in which a subscriber that has just started has connected
 FASTEST = 1000.0            # greatest real-time factor
 SCALES = (0.1, 10.0)        # of placed obstacles
 MOST_TOPICS = 100           # on which pages may drive
@@ -98,13 +99,13 @@ class Simulation(Actions):
     def factor(self) -> Optional[float]:
         return self._factor
 
-    def place(self, kind: str, x: float, y: float, yaw: float, scale: float) -> str:
+    def place(self, kind: str, position: Tuple[float, float, float], yaw: float, scale: float) -> str:
         if kind not in PLACEABLE or not SCALES[0] <= scale <= SCALES[1]:
             raise ViewError("a %s of size %r; expected one of %s, and %g to %g" % (
                 (kind, scale, ", ".join(PLACEABLE)) + SCALES))
         shape, size = PLACEABLE[kind]
         return self._safely(lambda: self._world.add(Obstacle(shape, tuple(scale * side for side in size)),
-                                                    (x, y, 0.0), yaw))
+                                                    position, yaw))
 
     def models(self) -> List[str]:
         if self._models is None:        # all packages are read for it
@@ -112,10 +113,10 @@ class Simulation(Actions):
             self._models = [name for name in names if name not in NOT_PLACED]
         return self._models
 
-    def place_model(self, model: str, x: float, y: float, yaw: float) -> str:
+    def place_model(self, model: str, position: Tuple[float, float, float], yaw: float) -> str:
         if model not in self.models():
             raise ViewError("model %r; expected one that the list offers" % model[:60])
-        return self._safely(lambda: self._world.add_model(model, (x, y, 0.0), yaw))
+        return self._safely(lambda: self._world.add_model(model, position, yaw))
 
     def model_pose(self, name: str) -> ModelPose:
         position, quaternion = self._safely(lambda: self._world.pose(name))
@@ -130,8 +131,11 @@ class Simulation(Actions):
     def goal(self, x: float, y: float, frame: str) -> None:
         if not (math.isfinite(x) and math.isfinite(y)):
             raise ViewError("goal (%s, %s): expected finite numbers" % (x, y))
-        if not self._goals.get_num_connections():
-            raise ViewError("nothing listens to %s: start a controller that takes goals, such as bug2.py" % _GOAL)
+        deadline = time.monotonic() + CONNECTS
+        while not self._goals.get_num_connections():        # a controller that has just started connects soon
+            if time.monotonic() > deadline:
+                raise ViewError("nothing listens to %s: start a controller that takes goals, such as bug2.py" % _GOAL)
+            time.sleep(0.02)
         message = PoseStamped()
         message.header.frame_id, message.header.stamp = frame, rospy.Time(0)
         message.pose.position.x, message.pose.position.y, message.pose.orientation.w = x, y, 1.0
