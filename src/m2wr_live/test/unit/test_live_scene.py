@@ -9,11 +9,12 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
 
 from m2wr_live.scene.live_scene import LEAST_BEAMS, MOST_BEAMS, MOST_TRAIL, LiveScene
-from m2wr_live.scene.robot_model import read_robot_model
+from m2wr_live.scene.robot_model import read_looks, read_robot_model
 from m2wr_live.web.map_pixels import costmap_pixels, map_pixels, pixels_of
-from m2wr_live.web.picking import first_hit, on_ground
+from m2wr_live.web.picking import first_hit, on_ground, read_ray
 from m2wr_view.errors import ViewError
 
 URDF = """<robot name="cart"><material name="leaf"><color rgba="0 1 0 1"/></material>
@@ -68,6 +69,29 @@ def test_links_have_true_poses_and_fixed_ones_follow():
     assert robot.poses["laser"][:3, 3] == pytest.approx((1, 2.5, 0))         # half a metre ahead, and ahead is y
 
 
+def test_a_robot_that_no_description_fits_has_its_own_looks():
+    def marker(link, **fields):
+        found = Marker(ns="van", type=Marker.CUBE, **fields)
+        found.header.frame_id = link
+        found.pose.orientation.w = found.scale.x = found.scale.y = found.scale.z = found.color.a = 1.0
+        return found
+    mesh = marker("van::body")
+    mesh.type, mesh.mesh_resource = Marker.MESH_RESOURCE, "file:///nowhere.stl"
+    model = read_looks("van", [marker("van::body"), marker("van::wheel"), marker("other::wheel"), mesh], lambda _: None)
+    assert model.problems == ["mesh file:///nowhere.stl of link body: no such file"]
+    scene = scene_with_robot(("van::body", "van::wheel", "cart::base"), ((1, 2, 0), (3, 2, 0), (9, 9, 0)))
+    read = []
+    scene.take_looks({"van": lambda: model, "cart": lambda: read.append("cart")})
+    scene.update()
+    assert not read and sorted(scene.robots) == ["cart", "van"]
+    assert [shape.owner for shape in scene.robots["van"].model.shapes] == ["body", "wheel"]
+    assert scene.robots["van"].poses["wheel"][:3, 3] == pytest.approx((3, 2, 0))
+    van = scene.robots["van"]
+    scene.take_looks({"van": lambda: model})
+    scene.update()
+    assert scene.robots["van"] is van
+
+
 def test_without_true_poses_robots_are_where_tf_says():
     scene = LiveScene()
     scene.take_description("d", read_robot_model(URDF, lambda _: None))
@@ -99,11 +123,11 @@ def test_a_trail_follows_but_not_over_jumps_and_is_bounded():
     for x in np.linspace(1.0, 2.0, 101):
         scene.take_links(["cart::base", "cart::wheel"], np.array([(x, 2, 0) + LEFT, (x, 2, 0) + LEFT]))
         scene.update()
-    assert 20 < len(robot.trail) < 40 and all(driven for _, _, driven in robot.trail[1:])
+    assert 20 < len(robot.trail) < 40 and all(driven for _, _, _, driven in robot.trail[1:])
     scene.take_links(["cart::base", "cart::wheel"], np.array([(9, 9, 0) + LEFT, (9, 9, 0) + LEFT]))
     scene.update()
-    assert robot.trail[-1] == (9.0, 9.0, False)
-    robot.trail = [(0.0, 0.0, True)] * MOST_TRAIL
+    assert robot.trail[-1] == (9.0, 9.0, 0.0, False)
+    robot.trail = [(0.0, 0.0, 0.0, True)] * MOST_TRAIL
     scene.update()
     assert len(robot.trail) + robot.first == MOST_TRAIL + 1 and len(robot.trail) < MOST_TRAIL
 
@@ -160,7 +184,7 @@ def test_a_costmap_shows_costs_and_takes_changes():
 
 
 def test_a_click_means_the_ground_or_the_first_body():
-    assert on_ground((0, 0, 2), (1, 0, -1)) == pytest.approx((2, 0))
+    assert on_ground((0, 0, 2), (1, 0, -1)) == pytest.approx((2, 0, 0))
     assert on_ground((0, 0, 2), (math.nan, 0, -1)) is None and on_ground((0, math.inf, 2), (1, 0, -1)) is None
     assert on_ground((0, 0, 2), (1, 0, 0.1)) is None and on_ground((0, 0, 2), (1, 0, -1e-6)) is None
     model = read_robot_model(URDF, lambda _: None)
@@ -172,3 +196,10 @@ def test_a_click_means_the_ground_or_the_first_body():
     assert first_hit((0, 0, 0), (-1, 0, 0), shapes, [far, near], UNITS) is None
     assert first_hit((0, 0.9, 1.4), (1, 0, 0), shapes, [far, near], UNITS) == "near"
     assert first_hit((0, 1.1, 0), (1, 0, 0), shapes, [far, near], UNITS) is None
+
+
+@pytest.mark.parametrize("origin", [(math.nan, 0, 2), (0, math.inf, 2), None, "abc", (1, 2), ((0, 0, 2), (1, 1, 1))])
+def test_a_ray_that_is_no_ray_is_refused_with_why(origin):
+    with pytest.raises(ViewError, match="expected three finite numbers"):
+        read_ray(origin, (0, 0, -1))
+    assert read_ray((0, 1, 2), [0, 0, -1]).tolist() == [[0, 1, 2], [0, 0, -1]]

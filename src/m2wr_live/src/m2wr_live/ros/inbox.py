@@ -14,7 +14,7 @@ import roslib.message
 import rospy
 
 from m2wr_live.scene.live_scene import LiveScene
-from m2wr_live.scene.robot_model import FindMesh, read_robot_model
+from m2wr_live.scene.robot_model import FindMesh, read_looks, read_robot_model
 from m2wr_node.internals.paced_subscription import subscribe_paced
 from m2wr_view.errors import ViewError
 
@@ -26,9 +26,12 @@ log = logging.getLogger("m2wr_live")
 
 MOST_TOPICS = 200           # that are subscribed to
 LARGEST = 1 << 26           # bytes of a message; larger ones are not read
+MOST_PROBLEMS = 20          # visuals left out that are told
 _EVERY = 500                # kept transforms, points and the like until the next picture
 _NAMED = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", "/tf_static": "tf2_msgs/TFMessage",
-          "/gazebo/world_markers": "visualization_msgs/MarkerArray", "/robot_description": "std_msgs/String",
+          "/gazebo/world_markers": "visualization_msgs/MarkerArray",
+          "/gazebo/ground_markers": "visualization_msgs/MarkerArray",
+          "/gazebo/robot_markers": "visualization_msgs/MarkerArray", "/robot_description": "std_msgs/String",
           "/gazebo/link_states": "gazebo_msgs/LinkStates", "/gazebo/robot_states": "gazebo_msgs/ModelStates",
           "/bug2/state": "std_msgs/String", "/bug2/hit_point": "geometry_msgs/PointStamped",
           "/bug2/leave_point": "geometry_msgs/PointStamped", "/diagnostics": "diagnostic_msgs/DiagnosticArray",
@@ -43,7 +46,7 @@ SHOWN = {"sensor_msgs/LaserScan": 10.0, "nav_msgs/Path": 2.0, "nav_msgs/Occupanc
 #: Topics whose content the scene has from elsewhere.
 _LEFT_OUT = ("/bug2/markers",)
 _PARTS_LEFT_OUT = ("/best_path/plans/",)        # the candidates, which are markers too
-_RATES = {"/gazebo/world_markers": 10.0}
+_RATES = {"/gazebo/world_markers": 10.0, "/gazebo/ground_markers": 1.0}
 #: Types and topics with a message for each period of simulated time: publishers are asked for few of them. More states
 #: than pictures are asked for, so that each picture has a new one however the two are timed.
 _PACED = {"/clock": 45.0, "/gazebo/link_states": 45.0, "sensor_msgs/LaserScan": 10.0}
@@ -106,12 +109,15 @@ class Inbox:
         self._complained: Dict[str, str] = {}
         self._states: Tuple[bytes, List[str]] = (b"", [])
         self._robots: Dict[str, str] = {}
+        self._looks: Dict[str, Tuple[List[Any], Callable[[], RobotModel]]] = {}
         self._lock = threading.Lock()
         self._readers: Dict[str, Callable[[str, Any], None]] = {
             "/clock": lambda _, message: scene.take_time(message.clock.to_sec()),
             "/tf": lambda _, message: scene.take_transforms(message),
             "/tf_static": lambda _, message: scene.take_transforms(message),
             "/gazebo/world_markers": self._take_markers, "/robot_description": self._take_description,
+            "/gazebo/ground_markers": lambda _, message: scene.take_ground(message),
+            "/gazebo/robot_markers": self._take_looks,
             "/gazebo/robot_states": self._take_states, "/gazebo/link_states": self._take_states,
             "/bug2/state": lambda _, message: setattr(scene, "state", message.data[:100]),
             "/bug2/hit_point": lambda _, message: scene.take_mark(False, message.point),
@@ -254,10 +260,32 @@ class Inbox:
             return
         self._robots[source] = text
         model: RobotModel = read_robot_model(text, self._find_mesh)
-        self.problems += model.problems[:20]
-        for problem in model.problems[:20]:
-            log.warning("robot %s: %s; the page shows it without", model.name, problem)
+        self._note_problems(model)
         self._scene.take_description(source, model)
+
+    def _take_looks(self, _: str, message: Any) -> None:
+        """Take the looks of robots; their meshes are read only if no description fits."""
+        grouped: Dict[str, List[Any]] = {}
+        for marker in message.markers:
+            if marker.ns:
+                grouped.setdefault(marker.ns, []).append(marker)
+        before, self._looks = self._looks, {}
+        for name, markers in grouped.items():
+            old = before.get(name)
+            self._looks[name] = old if old is not None and old[0] == markers else (
+                markers, functools.lru_cache(maxsize=None)(functools.partial(self._read_looks, name, markers)))
+        self._scene.take_looks({name: read for name, (_, read) in self._looks.items()})
+
+    def _read_looks(self, name: str, markers: List[Any]) -> RobotModel:
+        model = read_looks(name, markers, self._find_mesh)
+        self._note_problems(model)
+        return model
+
+    def _note_problems(self, model: RobotModel) -> None:
+        for problem in model.problems:
+            if problem not in self.problems and len(self.problems) < MOST_PROBLEMS:
+                self.problems.append(problem)
+                log.warning("robot %s: %s; the page shows it without", model.name, problem)
 
     def _take_link_states(self, data: bytes) -> None:
         """Take the true poses of all links; the names are read only if they have changed."""

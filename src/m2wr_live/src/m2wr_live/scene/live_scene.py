@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_live.scene.annotations import Annotations
+from m2wr_live.scene.relief import Relief, height_of, read_relief
 from m2wr_live.scene.shapes import MarkerShapes
 from m2wr_live.scene.tables import Row, read_table
 from m2wr_view.errors import ViewError
@@ -35,8 +36,8 @@ class Robot:
 
     Attributes
     ----------
-    trail : list of (float, float, bool)
-        x, y [m], and whether the robot drove here from the point before.
+    trail : list of (float, float, float, bool)
+        x, y [m], height of the ground there [m], and whether the robot drove here from the point before.
     first : int
         Number of points that were dropped before ``trail``.
     """
@@ -44,7 +45,7 @@ class Robot:
     def __init__(self, name: str, prefix: str, model: RobotModel) -> None:
         self.name, self.prefix, self.model = name, prefix, model
         self.poses: Dict[str, FloatArray] = {}
-        self.trail: List[Tuple[float, float, bool]] = []
+        self.trail: List[Tuple[float, float, float, bool]] = []
         self.first = 0
 
     @property
@@ -52,8 +53,8 @@ class Robot:
         """Pose (4, 4) of the root link, or None if it is not known yet."""
         return self.poses.get(self.model.root)
 
-    def follow(self) -> None:
-        """Extend the trail to the present pose."""
+    def follow(self, relief: Optional[Relief]) -> None:
+        """Extend the trail to the present pose, on the ground."""
         pose = self.pose
         if pose is None:
             return
@@ -61,7 +62,7 @@ class Robot:
         last = self.trail[-1] if self.trail else None
         step = math.inf if last is None else math.hypot(x - last[0], y - last[1])
         if step > TRAIL_STEP:
-            self.trail.append((x, y, step <= JUMP))
+            self.trail.append((x, y, height_of(relief, x, y), step <= JUMP))
             if len(self.trail) > MOST_TRAIL:
                 dropped = MOST_TRAIL // 4
                 del self.trail[:dropped]
@@ -89,6 +90,8 @@ class LiveScene:
     paths, particles : dict of str to (n, 3) float64
         Points [m] by topic.
     grids : dict of str to Grid
+    relief : Relief or None
+        Ground that is not level.
     annotations : dict of str to Annotations
         Markers for viewers, such as frontiers, by topic.
     tables : dict of str to list of Row
@@ -108,11 +111,13 @@ class LiveScene:
         self.markers, self.frames = MarkerShapes(), Frames()
         self.robots: Dict[str, Robot] = {}
         self.models: Dict[str, RobotModel] = {}
+        self._looks: Dict[str, Callable[[], RobotModel]] = {}       # by name of the robot
         self._link_poses: Dict[str, FloatArray] = {}        # (4, 4)
         self.beams: Dict[str, FloatArray] = {}
         self.paths: Dict[str, FloatArray] = {}
         self.particles: Dict[str, FloatArray] = {}
         self.grids: Dict[str, Grid] = {}
+        self.relief: Optional[Relief] = None
         self.annotations: Dict[str, Annotations] = {}
         self.tables: Dict[str, List[Row]] = {}
         self.state = ""
@@ -169,6 +174,16 @@ class LiveScene:
         """
         self.models[source] = model
         self._known = None
+
+    def take_looks(self, looks: Dict[str, Callable[[], RobotModel]]) -> None:
+        """Take the looks of the robots of the simulation; they are for those that no description fits.
+
+        Parameters
+        ----------
+        looks : dict of str to callable
+            By name of the robot; read when they are needed.
+        """
+        self._looks, self._known = looks, None
 
     def take_transforms(self, message: Any) -> None:
         """Take a tf2_msgs/TFMessage; transforms that are not finite are ignored."""
@@ -289,6 +304,10 @@ class LiveScene:
         self.annotations.setdefault(topic, Annotations()).update(
             message.markers, self.now, lambda frame: self.pose_of(frame, topic))
 
+    def take_ground(self, message: Any) -> None:
+        """Take a visualization_msgs/MarkerArray with all ground that is not level."""
+        self.relief = read_relief(message.markers)
+
     def take_table(self, topic: str, message: Any) -> None:
         """Take a table.
 
@@ -322,7 +341,7 @@ class LiveScene:
             self._find_robots()
         for robot in self.robots.values():
             self._place(robot)
-            robot.follow()
+            robot.follow(self.relief)
 
     def _find_robots(self) -> None:
         """Find the robots that the descriptions fit: models with such links, otherwise frames with such names."""
@@ -343,11 +362,13 @@ class LiveScene:
                     prefix = frame[:len(frame) - len(model.root)]
                     if frame.endswith(model.root) and prefix in ("", frame.rpartition("/")[0] + "/"):
                         found[prefix.strip("/") or model.name] = (prefix, model)
+        for name in set(self._looks) & set(links) - set(found):
+            found[name] = ("", self._looks[name]())
         before = self.robots
         self.robots = {}
         for name, (prefix, model) in sorted(found.items()):
             old = before.get(name)
-            self.robots[name] = old if old is not None and (old.prefix, old.model) == (prefix, model) else Robot(
+            self.robots[name] = old if old is not None and old.prefix == prefix and old.model is model else Robot(
                 name, prefix, model)
 
     def _place(self, robot: Robot) -> None:

@@ -2,23 +2,27 @@
 """What a robot looks like: the visuals of a URDF by link, and how its links are joined."""
 from __future__ import annotations
 
+import logging
 import os
 import xml.etree.ElementTree as ElementTree
-from typing import TYPE_CHECKING, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 import trimesh
 
-from m2wr_live.scene.shapes import Geometry, Shape
+from m2wr_live.scene.shapes import Geometry, Shape, placed, shapes_of
 from m2wr_view.errors import ViewError
 from m2wr_view.solids import read_numbers, read_origin
 
 if TYPE_CHECKING:
     from m2wr_view.array_types import FloatArray
 
+log = logging.getLogger("m2wr_live")
+
 LARGEST_TEXT = 8388608      # characters of a description, as the simulator's services accept
 LARGEST_MESH = 1 << 26      # bytes of a mesh file; larger ones would take a browser minutes
 MOST_FACES = 200000         # of one mesh
+MESH_RESOURCE = 10          # of visualization_msgs/Marker
 _GREY = (0.6, 0.6, 0.6, 1.0)
 #: Colours of Gazebo's materials that descriptions use.
 GAZEBO = {"black": (0.0, 0.0, 0.0), "blue": (0.0, 0.0, 1.0), "green": (0.0, 1.0, 0.0), "grey": (0.7, 0.7, 0.7),
@@ -66,8 +70,14 @@ class RobotModel(NamedTuple):
         return [self.root] + list(self.mounts)
 
 
-def load_mesh(path: str) -> Geometry:
+def load_mesh(path: str, own_colours: bool = False) -> Geometry:
     """Return the triangles of a mesh file.
+
+    Parameters
+    ----------
+    path : str
+    own_colours : bool
+        With the colours and textures of the file, if it has any.
 
     Raises
     ------
@@ -78,7 +88,8 @@ def load_mesh(path: str) -> Geometry:
         size = os.path.getsize(path)
         if size > LARGEST_MESH:
             raise ViewError("mesh %s: it has %d bytes; expected at most %d" % (path, size, LARGEST_MESH))
-        mesh = trimesh.load(path, force="mesh")
+        scene = trimesh.load(path, force="scene")
+        mesh = scene.to_mesh()
         vertices, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32)
     except ViewError:
         raise
@@ -87,7 +98,19 @@ def load_mesh(path: str) -> Geometry:
     if not len(faces) or len(faces) > MOST_FACES or not np.all(np.isfinite(vertices)):
         raise ViewError("mesh %s: it has %d triangles; expected 1 to %d, with finite corners"
                         % (path, len(faces), MOST_FACES))
-    return Geometry(vertices, faces)
+    return Geometry(vertices, faces, coloured=_coloured(scene) if own_colours else b"")
+
+
+def _coloured(scene: trimesh.Scene) -> bytes:
+    """Return a scene with its colours as binary glTF; empty if it has none, or is too large with its textures."""
+    if not any(getattr(part.visual, "kind", None) for part in scene.geometry.values()):
+        return b""
+    try:
+        content: bytes = scene.export(file_type="glb")
+    except Exception as error:      # a texture may be of any kind; the mesh is shown in one colour
+        log.debug("mesh: its colours cannot be used (%s: %s)", type(error).__name__, error)
+        return b""
+    return content if len(content) <= LARGEST_MESH else b""
 
 
 class _Reader:
@@ -107,8 +130,8 @@ class _Reader:
         colour = material.find("color")
         return read_numbers(None if colour is None else colour.get("rgba"), 4, _GREY)
 
-    def _colour(self, link: str, visual: ElementTree.Element) -> Tuple[float, ...]:
-        """Return the colour of a visual: its own, that of the named material, or that of Gazebo's material."""
+    def _colour(self, link: str, visual: ElementTree.Element) -> Optional[Tuple[float, ...]]:
+        """Return the colour of a visual: its own, that of the named material, or that of Gazebo's material, or None."""
         material = visual.find("material")
         if material is not None:
             if material.find("color") is not None:
@@ -116,12 +139,13 @@ class _Reader:
             if material.get("name") in self._colours:
                 return self._colours[material.get("name")]
         known = GAZEBO.get(self._gazebo.get(link, "").rsplit("/", 1)[-1].lower())
-        return _GREY if known is None else known + (1.0,)
+        return None if known is None else known + (1.0,)
 
     def shape(self, link: str, visual: ElementTree.Element) -> Optional[Shape]:
         """Return the shape of a visual, or None and a line in ``problems``."""
         pose, colour = read_origin(visual), self._colour(link, visual)
-        rgba = (colour[0], colour[1], colour[2], colour[3])
+        red, green, blue, opacity = colour or _GREY
+        rgba = (red, green, blue, opacity)
         for element in visual.findall("geometry/*"):
             if element.tag == "box":
                 x, y, z = read_numbers(element.get("size"), 3, (0, 0, 0))
@@ -131,24 +155,49 @@ class _Reader:
                 length = width if element.tag == "sphere" else float(element.get("length", 0.0))
                 return Shape(element.tag, pose, (width, width, length), rgba, link)
             if element.tag == "mesh":
-                key = self._mesh(link, element.get("filename") or "")
+                key = self._mesh(link, element.get("filename") or "", colour is None)
                 x, y, z = read_numbers(element.get("scale"), 3, (1, 1, 1))
                 return None if key is None else Shape(key, pose, (x, y, z), rgba, link)
         return None
 
-    def _mesh(self, link: str, uri: str) -> Optional[str]:
-        key = "mesh_" + uri
-        if key in self.geometries:
-            return key
+    def _mesh(self, link: str, uri: str, own_colours: bool) -> Optional[str]:
         try:
-            path = self._find(uri)
-            if path is None:
-                raise ViewError("mesh %s of link %s: no such file" % (uri, link))
-            self.geometries[key] = load_mesh(path)
+            return add_mesh(self.geometries, uri, link, self._find, own_colours)
         except ViewError as error:
             self.problems.append(str(error))
             return None
-        return key
+
+
+def add_mesh(geometries: Dict[str, Geometry], uri: str, link: str, find_mesh: FindMesh, own_colours: bool) -> str:
+    """Read a mesh if it is not known yet; return its key.
+
+    Parameters
+    ----------
+    geometries : dict of str to Geometry
+        The mesh is added to them.
+    uri, link : str
+        Of the mesh, and of the link that has it.
+    find_mesh : callable
+        URI of a mesh -> path of its file, or None.
+    own_colours : bool
+        With the colours of the file.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ViewError
+        If there is no such file, or it cannot be read.
+    """
+    key = ("own_" if own_colours else "mesh_") + uri
+    if key not in geometries:
+        path = find_mesh(uri)
+        if path is None:
+            raise ViewError("mesh %s of link %s: no such file" % (uri, link))
+        geometries[key] = load_mesh(path, own_colours)
+    return key
 
 
 def read_robot_model(text: str, find_mesh: FindMesh) -> RobotModel:
@@ -209,3 +258,43 @@ def _sorted_mounts(root: str, mounts: Dict[str, Mount]) -> Dict[str, Mount]:
             found[child] = mounts[child]
             waiting.append(child)
     return found
+
+
+def read_looks(name: str, markers: Sequence[Any], find_mesh: FindMesh) -> RobotModel:
+    """Return the looks of a robot from its markers.
+
+    Parameters
+    ----------
+    name : str
+        Of the robot.
+    markers : sequence of visualization_msgs.msg.Marker
+        Each in a frame ``robot::link``; others are left out.
+    find_mesh : callable
+        URI of a mesh -> path of its file, or None.
+    """
+    scope = name + "::"
+    owned = [(marker.header.frame_id[len(scope):], marker) for marker in markers
+             if marker.header.frame_id.startswith(scope)]
+    root = owned[0][0] if owned else ""
+    mounts = {link: Mount(root, np.eye(4), False) for link, _ in owned if link != root}
+    model = RobotModel(name, root, mounts, [], {}, [])
+    for link, marker in owned:
+        if marker.type == MESH_RESOURCE:
+            shape = _mesh_of(marker, link, model, find_mesh)
+            model.shapes.extend([] if shape is None else [shape])
+        else:
+            shapes, geometries = shapes_of(marker)
+            model.geometries.update(geometries)
+            model.shapes.extend(shape._replace(owner=link) for shape in shapes)
+    return model
+
+
+def _mesh_of(marker: Any, link: str, model: RobotModel, find_mesh: FindMesh) -> Optional[Shape]:
+    """Return the shape of a marker with a mesh, or None and a line in the problems of the model."""
+    base = placed(marker)
+    try:
+        key = add_mesh(model.geometries, marker.mesh_resource, link, find_mesh, marker.mesh_use_embedded_materials)
+    except ViewError as error:
+        model.problems.append(str(error))
+        return None
+    return None if base is None else base._replace(geometry=key, owner=link)

@@ -32,12 +32,15 @@ class Geometry(NamedTuple):
     closed : bool
         Encloses a volume, with the vertices of each face counterclockwise seen from outside: the back of its faces is
         never seen.
+    coloured : bytes
+        The same with colours and textures of its own, as binary glTF; empty: it has the colours of its shapes.
     """
 
     vertices: FloatArray
     faces: Uint32Array
     smooth: bool = False
     closed: bool = False
+    coloured: bytes = b""
 
 
 class Shape(NamedTuple):
@@ -160,7 +163,11 @@ class MarkerShapes:
                 known.pop(name, None)
             else:
                 content, old = _content(marker), before.get(name)
-                known[name] = old if old is not None and old[0] == content else (content, self._read(marker))
+                if old is None or old[0] != content:
+                    shapes, geometries = shapes_of(marker)
+                    self.geometries.update(geometries)
+                    old = (content, shapes)
+                known[name] = old
         self._known = known
         every = [shape for _, shapes in known.values() for shape in shapes]
         self.shapes, self.left_out = every[:MOST_SHAPES], max(0, len(every) - MOST_SHAPES)
@@ -168,32 +175,40 @@ class MarkerShapes:
         self.geometries = {key: geometry for key, geometry in self.geometries.items() if key in used}
         self.version += 1
 
-    def _read(self, marker: Any) -> List[Shape]:
-        """Return the shapes of a marker; none for kinds without a volume and for numbers that are not finite."""
-        place, turn, scale = marker.pose.position, marker.pose.orientation, marker.scale
-        colour = (marker.color.r, marker.color.g, marker.color.b, marker.color.a)
-        size = (scale.x, scale.y, scale.z)
-        pose = matrix_of((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
-        if not (np.all(np.isfinite(pose)) and np.all(np.isfinite(size + colour))):
-            return []
-        kind: Optional[str] = {_CUBE: "box", _SPHERE: "sphere", _CYLINDER: "cylinder", _CUBES: "box",
-                               _SPHERES: "sphere"}.get(marker.type)
-        centres: Sequence[Any] = [(0.0, 0.0, 0.0)]
-        if marker.type in (_CUBES, _SPHERES):
-            centres = [(point.x, point.y, point.z) for point in marker.points]
-        elif marker.type == _TRIANGLES and len(marker.points) >= 3:
-            corners = np.array([(point.x, point.y, point.z) for point in marker.points])[:len(marker.points) // 3 * 3]
-            kind = triangles_key(corners)
-            faces = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-            self.geometries[kind] = Geometry(corners, faces)
-        if kind is None:
-            return []
-        found = []
-        for centre in centres:
-            moved = pose.copy()
-            moved[:3, 3] = pose[:3, :3].dot(centre) + pose[:3, 3]
-            found.append(Shape(kind, moved, size, colour, marker.ns))
-        return found
+
+def placed(marker: Any) -> Optional[Shape]:
+    """Return a shape with the pose, scale, colour and owner of a marker, or None if a number is not finite."""
+    place, turn, scale = marker.pose.position, marker.pose.orientation, marker.scale
+    colour = (marker.color.r, marker.color.g, marker.color.b, marker.color.a)
+    size = (scale.x, scale.y, scale.z)
+    pose = matrix_of((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+    if not (np.all(np.isfinite(pose)) and np.all(np.isfinite(size + colour))):
+        return None
+    return Shape("", pose, size, colour, marker.ns)
+
+
+def shapes_of(marker: Any) -> Tuple[List[Shape], Dict[str, Geometry]]:
+    """Return the shapes of a marker and their meshes; none for kinds without a volume, and for numbers not finite."""
+    base, geometries = placed(marker), {}
+    kind: Optional[str] = {_CUBE: "box", _SPHERE: "sphere", _CYLINDER: "cylinder", _CUBES: "box",
+                           _SPHERES: "sphere"}.get(marker.type)
+    if base is None:
+        return [], {}
+    centres: Sequence[Any] = [(0.0, 0.0, 0.0)]
+    if marker.type in (_CUBES, _SPHERES):
+        centres = [(point.x, point.y, point.z) for point in marker.points]
+    elif marker.type == _TRIANGLES and len(marker.points) >= 3:
+        corners = np.array([(point.x, point.y, point.z) for point in marker.points])[:len(marker.points) // 3 * 3]
+        kind = triangles_key(corners)
+        geometries[kind] = Geometry(corners, np.arange(len(corners), dtype=np.uint32).reshape(-1, 3))
+    if kind is None:
+        return [], {}
+    found = []
+    for centre in centres:
+        moved = base.pose.copy()
+        moved[:3, 3] += base.pose[:3, :3].dot(centre)
+        found.append(base._replace(geometry=kind, pose=moved))
+    return found, geometries
 
 
 def _content(marker: Any) -> Tuple[object, ...]:

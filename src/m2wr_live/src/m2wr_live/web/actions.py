@@ -45,15 +45,15 @@ class Actions(abc.ABC):
         """Return the real-time factor that is set; 0: as fast as possible; None: not known."""
 
     @abc.abstractmethod
-    def place(self, kind: str, x: float, y: float, yaw: float, scale: float) -> str:
+    def place(self, kind: str, position: Tuple[float, float, float], yaw: float, scale: float) -> str:
         """Add an obstacle and return its name.
 
         Parameters
         ----------
         kind : str
             A key of ``PLACEABLE``.
-        x, y : float
-            [m]
+        position : (float, float, float)
+            Of the middle of its underside [m].
         yaw : float
             [rad]
         scale : float
@@ -69,15 +69,15 @@ class Actions(abc.ABC):
         """Return the names of the models that pages may place."""
 
     @abc.abstractmethod
-    def place_model(self, model: str, x: float, y: float, yaw: float) -> str:
+    def place_model(self, model: str, position: Tuple[float, float, float], yaw: float) -> str:
         """Add a model and return its name in the world.
 
         Parameters
         ----------
         model : str
             One of ``models()``.
-        x, y : float
-            [m]
+        position : (float, float, float)
+            Of its frame [m].
         yaw : float
             [rad]
 

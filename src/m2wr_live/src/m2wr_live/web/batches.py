@@ -79,13 +79,15 @@ class Batches:
             handle.batched_wxyzs = quaternions[indices].astype(np.float32)
 
     def _add(self, key: str, geometry: Geometry, shapes: Sequence[Shape], poses: FloatArray) -> Any:
+        name = "%s/%s" % (self._name, "".join(sign if sign.isalnum() else "_" for sign in key))
+        where = {"batched_wxyzs": quaternions_of(poses[:, :3, :3]), "batched_positions": poses[:, :3, 3],
+                 "batched_scales": np.array([shape.scale for shape in shapes], dtype=np.float32), "lod": "off",
+                 "cast_shadow": len(shapes) <= MOST_SHADOWS}
+        if geometry.coloured:
+            return self._scene.add_batched_glb(name, geometry.coloured, **where)
         colours = np.clip(np.array([shape.colour[:3] for shape in shapes]) * 255.0, 0.0, 255.0).astype(np.uint8)
         opacities = np.clip(np.array([shape.colour[3] for shape in shapes]), 0.0, 1.0)
         return self._scene.add_batched_meshes_simple(
-            "%s/%s" % (self._name, "".join(sign if sign.isalnum() else "_" for sign in key)),
-            geometry.vertices.astype(np.float32), geometry.faces,
-            batched_wxyzs=quaternions_of(poses[:, :3, :3]), batched_positions=poses[:, :3, 3],
-            batched_scales=np.array([shape.scale for shape in shapes], dtype=np.float32), batched_colors=colours,
-            batched_opacities=None if np.all(opacities >= 1.0) else opacities.astype(np.float32), lod="off",
-            flat_shading=not geometry.smooth, side="front" if geometry.closed else "double",
-            cast_shadow=len(shapes) <= MOST_SHADOWS)
+            name, geometry.vertices.astype(np.float32), geometry.faces, batched_colors=colours,
+            batched_opacities=None if np.all(opacities >= 1.0) else opacities.astype(np.float32),
+            flat_shading=not geometry.smooth, side="front" if geometry.closed else "double", **where)

@@ -11,7 +11,7 @@ import numpy as np
 
 from m2wr_live.web.actions import PLACEABLE
 from m2wr_live.web.layers import add_layers
-from m2wr_live.web.picking import first_hit, on_ground
+from m2wr_live.web.picking import first_hit, on_ground, read_ray
 from m2wr_live.web.speed import SpeedList
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import yaw_of
@@ -194,10 +194,11 @@ class Panel:
         actions, mode = self._actions, str(self._mode.value)
         if actions is None:
             return
+        origin, direction = read_ray(origin, direction)
         if mode == SELECT:
             self._select(self._hit(origin, direction))
             return
-        place = on_ground(origin, direction)
+        place = on_ground(origin, direction, self._picture.source.relief)
         if place is None:
             raise ViewError("the click is not on the ground")
         if mode == GOAL:
@@ -205,9 +206,9 @@ class Panel:
             return
         yaw = math.radians(float(self._yaw.value))
         if mode.startswith(MODEL):
-            actions.place_model(mode[len(MODEL):], place[0], place[1], yaw)
+            actions.place_model(mode[len(MODEL):], place, yaw)
         elif mode[len(PLACE):] in PLACEABLE:
-            actions.place(mode[len(PLACE):], place[0], place[1], yaw, float(self._scale.value))
+            actions.place(mode[len(PLACE):], place, yaw, float(self._scale.value))
 
     def _hit(self, origin: Any, direction: Any) -> Optional[str]:
         """Return the name of the model that a ray meets first, or None."""

@@ -6,27 +6,56 @@ from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_view.errors import ViewError
+
 if TYPE_CHECKING:
+    from m2wr_live.scene.relief import Relief
     from m2wr_live.scene.shapes import Geometry, Shape
     from m2wr_view.array_types import FloatArray
 
 FARTHEST = 1000.0           # m from the camera; a click near the horizon means no place
 
 
-def on_ground(origin: Sequence[float], direction: Sequence[float]) -> Optional[Tuple[float, float]]:
-    """Return where a ray meets the ground z = 0 [m], or None.
+def read_ray(origin: object, direction: object) -> FloatArray:
+    """Return origin and direction of a ray that a page sent, (2, 3) float64.
+
+    Parameters
+    ----------
+    origin, direction : object
+        Expected to be sequences of three numbers.
+
+    Raises
+    ------
+    ViewError
+        If they are anything else, or a number is not finite.
+    """
+    try:
+        ray = np.array((origin, direction), dtype=float)
+    except (TypeError, ValueError):
+        ray = np.full((2, 3), np.nan)
+    if ray.shape != (2, 3) or not np.all(np.isfinite(ray)):
+        raise ViewError("a click along the ray from %s in direction %s; expected three finite numbers each, so it is "
+                        "ignored" % (repr(origin)[:60], repr(direction)[:60]))
+    return ray
+
+
+def on_ground(origin: Sequence[float], direction: Sequence[float],
+              relief: Optional[Relief] = None) -> Optional[Tuple[float, float, float]]:
+    """Return where a ray meets the ground [m]: a relief, beside it the plane z = 0; or None.
 
     Parameters
     ----------
     origin, direction : (3,) floats
+    relief : Relief, optional
     """
     start, along = np.asarray(origin, dtype=float), np.asarray(direction, dtype=float)
-    if not (np.all(np.isfinite(start)) and np.all(np.isfinite(along))) or along[2] >= 0.0 or start[2] <= 0.0:
+    if not (np.all(np.isfinite(start)) and np.all(np.isfinite(along))):
         return None
-    distance = -start[2] / along[2]
-    if distance * float(np.linalg.norm(along)) > FARTHEST:
-        return None
-    return float(start[0] + distance * along[0]), float(start[1] + distance * along[1])
+    found = None if relief is None else relief.hit(start, along)
+    if found is None and along[2] < 0.0 < start[2]:
+        x, y, _ = (start - start[2] / along[2] * along).tolist()
+        found = (x, y, 0.0)
+    return found if found is not None and float(np.linalg.norm(found - start)) <= FARTHEST else None
 
 
 def first_hit(origin: Sequence[float], direction: Sequence[float], shapes: Sequence[Shape],

@@ -78,6 +78,7 @@ class Picture:
     def draw(self) -> None:
         """Send what has changed since the last call."""
         self._draw_world()
+        self._draw_relief()
         self._draw_robots()
         self._draw_paths()
         self._draw_particles()
@@ -130,6 +131,16 @@ class Picture:
         markers = self.source.markers
         if self._changed("world", markers.version):
             self.world.set_shapes(markers.shapes, self.geometries, self.world_poses())
+
+    def _draw_relief(self) -> None:
+        """Draw ground that is not level instead of the grid, which would lie above its hollows."""
+        relief = self.source.relief
+        if not self._changed("relief", _Held(relief)):
+            return
+        self._forget("relief")
+        self._floor.visible = relief is None
+        if relief is not None:
+            self._nodes["relief"] = self._scene.add_mesh_trimesh("/relief", relief.mesh())
 
     def _draw_robots(self) -> None:
         robots = list(self.source.robots.values())

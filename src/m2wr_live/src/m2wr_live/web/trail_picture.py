@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 CHUNK = 120                 # segments of a node
 TAIL = 20                   # segments after which they are moved from the tail to a node; CHUNK is a multiple
 _COLOUR, _THICKNESS = (0, 114, 178), 4.0
-_ABOVE = 0.02               # m; above maps
+_ABOVE = 0.02               # m; above the ground and maps
 
 
-def segments_of(points: Sequence[Tuple[float, float, bool]]) -> FloatArray:
+def segments_of(points: Sequence[Tuple[float, float, float, bool]]) -> FloatArray:
     """Return the segments (n, 2, 3) [m] of a part of a trail; none where the robot was placed and did not drive."""
-    places = np.array([(x, y, _ABOVE) for x, y, _ in points]).reshape(-1, 3)
-    driven = np.array([driven for _, _, driven in points[1:]], dtype=bool)
+    places = np.array([(x, y, z + _ABOVE) for x, y, z, _ in points]).reshape(-1, 3)
+    driven = np.array([driven for _, _, _, driven in points[1:]], dtype=bool)
     return np.stack((places[:-1], places[1:]), axis=1)[driven]
 
 
