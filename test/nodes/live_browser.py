@@ -16,7 +16,6 @@ from sim_probe import wait_until
 _FLAGS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
           "--disable-dev-shm-usage", "--no-first-run", "--force-device-scale-factor=0.5")
 _SCALE = 2                  # pixels of the page, along each side, for a pixel that is drawn: a quarter of the work
-_DRAWN = 180.0              # s in which a film is drawn, with low priority
 #: Lists of the panel: their options, as far as tests choose them.
 _LISTS = (("free", "follow the robot", "from above"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
           ("select and drag", "send a goal", "place a box", "place a cylinder",
@@ -192,8 +191,8 @@ class Page:
         wait_until(click, "the folder " + title, _START)
 
     def save(self, name):
-        """Press the link with which the page offers a file, which may have to be drawn first."""
-        self._click_on("a", name, "download", _DRAWN)
+        """Press the link with which the page offers a file."""
+        self._click_on("a", name, "download")
 
     def _click_on(self, kind, content, attribute="textContent", patience=_START):
         """Click on an element as soon as it is there; the page may replace it meanwhile."""

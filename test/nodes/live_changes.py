@@ -9,9 +9,10 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import LaserScan
 
-from live_pages import CLICK, CRATE, LiveCase, RawPage, address_of, goals_of, green, live, status_of
+from live_pages import CRATE, LiveCase, RawPage, address_of, goals_of, green, live, status_of
 from sim_probe import Recorder, Running, program, wait_until
 
+DRAWN = 180.0               # s in which a film is drawn, with low priority
 THIN = 20                   # of 255; the green axis of the gizmo has it, see green()
 MARKUP = "<img src=x onerror=\"window.broken=1\"><b>cart</b>"
 CART = """<robot name="cart"><link name="base"><visual><geometry><mesh filename="file://%s"/></geometry></visual>
@@ -124,15 +125,11 @@ class LiveChanges(LiveCase):
         path = os.path.join(folder, name)
         if os.path.exists(path):
             os.remove(path)
-        page.press_button(kind)
-
-        def saved():
-            page.save(name)         # again if the offer was still moving into the page when it was clicked
-            try:                    # the browser makes the file empty, then replaces it by the whole one
-                return wait_until(lambda: os.path.exists(path) and os.path.getsize(path) > 0, "a file", CLICK)
-            except AssertionError:
-                return False
-        wait_until(saved, "the content of " + name)
+        self.repeated(lambda: page.press_button(kind), lambda: page.elements("a", name, "download"),
+                      "an offer of " + name, DRAWN)
+        # the browser makes the file empty, then replaces it by the whole one
+        self.repeated(lambda: page.save(name), lambda: os.path.exists(path) and os.path.getsize(path) > 0,
+                      "the content of " + name, DRAWN)
         with open(path, "rb") as stream:
             return stream.read()
 

@@ -147,18 +147,22 @@ class LiveCase(unittest.TestCase):
         self.assertEqual(self.page.errors(), [])
 
     @staticmethod
-    def clicked(page, x, y, effect, what):
-        """Click at a place of the page [pixels] until ``effect()`` is true; return its value.
+    def repeated(action, effect, what, patience=PATIENCE):
+        """Do what a user does until ``effect()`` is true; return its value.
 
-        A list of the panel that is still closing takes a click.
+        What is clicked may move at that moment, and a list of the panel that is still closing takes a click.
         """
-        def click():
-            page.click(x, y)
+        def attempt():
+            action()
             try:
                 return wait_until(effect, what, CLICK)
             except AssertionError:
                 return None
-        return wait_until(click, what)
+        return wait_until(attempt, what, patience)
+
+    def clicked(self, page, x, y, effect, what):
+        """Click at a place of the page [pixels] until ``effect()`` is true; return its value."""
+        return self.repeated(lambda: page.click(x, y), effect, what)
 
     def placed(self, page, x, y):
         """Click at a place of the page [pixels] until a model is added, which the test deletes; return its name."""

@@ -60,8 +60,13 @@ def add_downloads(gui: Any, bag: Callable[[], bytes], film: Callable[[], bytes])
 
     @download.on_click
     def _(event: Any) -> None:
-        name, content = ("run.gif", film) if download.value == "film" else ("run.bag", bag)
-        attempt(event.client, lambda: event.client.send_file_download(name, content()))
+        client = event.client
+        if download.value != "film":
+            attempt(client, lambda: client.send_file_download("run.bag", bag()))
+            return
+        note = client.add_notification("Film", "It is being drawn.", loading=True, with_close_button=False)
+        attempt(client, lambda: client.send_file_download("run.gif", film()))
+        note.remove()
 
 
 class Panel:
