@@ -28,7 +28,7 @@ def test_each_visual_of_a_robot_is_told_in_its_link(shown, m2wr):
     assert {marker.ns for marker in markers} == {"m2wr"} and len({marker.id for marker in markers}) == len(markers)
 
 
-def test_looks_are_told_again_only_when_a_robot_is_added_or_removed(shown, build, m2wr):
+def test_looks_are_told_again_when_a_robot_comes_or_leaves(shown, build, m2wr):
     simulator = shown.simulator
     simulator.spawn(build.box("second", -2.0, 0.0, 0.25, size=(0.5, 0.5, 0.5)), at(-2.0, 0.0, 0.25))
     shown.run(0.2)
