@@ -32,14 +32,14 @@ def test_joint_values():
             axis.stop_cfm) == (0.1, 0.2, -1e16, 1.0, 5.0, -1.0, 0.7, 0.01)
 
 
-@pytest.mark.parametrize("kind", ["fixed", "ball", "prismatic", "universal"])
+@pytest.mark.parametrize("kind", ["fixed", "ball", "prismatic", "universal", "screw"])
 def test_joint_kinds(kind):
     found = model(TURNED + joint(kind=kind)).joints[0]
     assert found.kind == kind and (found.axis2 is not None) == (kind == "universal")
 
 
-def test_joint_to_the_world_and_unsupported_kind():
+def test_joint_to_the_world_and_unknown_kind():
     found = model('<link name="a"/><joint name="j" type="fixed"><parent>world</parent><child>a</child></joint>'
-                  '<joint name="k" type="screw"><parent>world</parent><child>a</child></joint>')
+                  '<joint name="k" type="spiral"><parent>world</parent><child>a</child></joint>')
     assert [item.parent for item in found.joints] == ["world"]
-    assert any("screw" in note for note in found.notes)
+    assert any("spiral" in note for note in found.notes)

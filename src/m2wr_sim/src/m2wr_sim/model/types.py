@@ -5,7 +5,7 @@ Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; se
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Optional, Tuple, Union
 
 import numpy as np
@@ -87,6 +87,12 @@ class Heightmap(_Arrays):
     position: Vector = (0.0, 0.0, 0.0)
     source: str = ""
 
+
+#: Library of the plugin that makes a joint follow another one.
+MIMIC_LIBRARY = "libm2wr_mimic.so"
+
+#: After the name of a joint with two axes: its second axis, which can be driven and read like a joint.
+SECOND_AXIS = "::axis2"
 
 #: The shape of a collision.
 Geometry = Union[Box, Sphere, Cylinder, Plane, Mesh, Heightmap]
@@ -281,7 +287,8 @@ class Joint:
     """A joint between two links; ``pose`` is the joint frame in the child link's frame.
 
     ``parent`` may be ``world``.  Kinds: revolute (also continuous, with limits of 1e16), prismatic, fixed, ball,
-    universal (the only kind with a second axis).
+    universal (the only kind with a second axis), and screw: it rotates about its axis and slides along it, its position
+    is the angle.
     """
 
     name: str
@@ -291,13 +298,18 @@ class Joint:
     pose: Pose = IDENTITY
     axis: Axis = Axis()
     axis2: Optional[Axis] = None
+    pitch: float = 0.0              # m/rad, of a screw: way along the axis by angle about it
 
     def axes(self) -> Tuple[Axis, ...]:
         """Return the axes of the joint, the parent's first."""
         if self.kind == "universal":
             x, y, z = self.axis.xyz
             return (self.axis, self.axis2 or Axis(xyz=(y, z, x)))
-        return (self.axis,) if self.kind in ("revolute", "prismatic") else ()
+        return (self.axis,) if self.kind in ("revolute", "prismatic", "screw") else ()
+
+    def along_second(self) -> Joint:
+        """Return the second axis as a joint of its own."""
+        return replace(self, name=self.name + SECOND_AXIS, kind="revolute", axis=self.axes()[1], axis2=None)
 
 
 @dataclass(frozen=True)

@@ -180,8 +180,8 @@ def settle(world: ode.World, parts: ModelParts, dt: float) -> None:
               and drive.spec.kind in ("revolute", "prismatic")]
     ends = [end for drive in damped for end in (drive.spec.child, drive.spec.parent)]
     for drive in parts.joints:
-        if drive.spec.kind == "universal":
-            _settle_universal(world, drive, links)
+        if drive.spec.kind in ("universal", "screw"):
+            _settle_in_solver(world, drive, links)
             continue
         axis = drive.spec.axis
         damping, stiffness = (abs(axis.damping), axis.spring_stiffness) if drive in damped else (0.0, 0.0)
@@ -199,8 +199,8 @@ def settle(world: ode.World, parts: ModelParts, dt: float) -> None:
         _fit(world, drive, links, wanted)
 
 
-def _settle_universal(world: ode.World, drive: JointDrive, links: Dict[str, LinkBody]) -> None:
-    """Damp both axes of a universal joint through the solver."""
+def _settle_in_solver(world: ode.World, drive: JointDrive, links: Dict[str, LinkBody]) -> None:
+    """Damp all axes of a joint through the solver."""
     _fit(world, drive, links, {index: min(abs(axis.damping), 1.0 / _WEAKEST_MOTION)
                                for index, axis in enumerate(drive.spec.axes()) if abs(axis.damping) > _LEAST})
 

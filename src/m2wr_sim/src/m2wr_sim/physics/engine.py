@@ -128,8 +128,8 @@ class Engine(abc.ABC):
     def abandon_model(self, handle: ModelHandle) -> None:
         """Free the bodies, geoms and joints of a model that left the world, but keep its links and joints readable.
 
-        Its links have their initial poses, its joints are at 0, and forces have no effect.  :meth:`remove_model` must
-        be called later.
+        Its links have their initial poses, its joints are at 0, and forces and demands have no effect.
+        :meth:`remove_model` must be called later.
         """
 
     @abc.abstractmethod
@@ -242,6 +242,28 @@ class Engine(abc.ABC):
         joint : int
         force : float
             [N m or N].
+        """
+
+    @abc.abstractmethod
+    def couple(self, first: int, second: Optional[int], point: Sequence[float], direction: Sequence[float],
+               across: Sequence[float], speed: float) -> None:
+        """Demand of two links, from the next step on, a speed of a common point along one direction.
+
+        It replaces the former demand for this pair of links.  Point and direction do not move with the links, so it has
+        to be called before every step.
+
+        Parameters
+        ----------
+        first, second : int or None
+            Two links of one model; None for the world.  No effect on static links.
+        point : (3,) sequence of float
+            In the world [m].
+        direction : (3,) sequence of float
+            Unit vector in the world.
+        across : (3,) sequence of float
+            A unit vector at right angles to it; best one along which the point can move.
+        speed : float
+            Of the point on the first link against the point on the second one [m/s].
         """
 
     @abc.abstractmethod

@@ -211,7 +211,7 @@ class Block:
 
     def write_joints(self, hinges: Sequence[JointDrive], damped: Sequence[JointDrive], joints: Dict[JointDrive, int],
                      motors: Dict[Damper, int]) -> None:
-        """Write the hinges and the damped joints.
+        """Write the axes that rotate, and the damped joints.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class Block:
         words[layout.H_HINGE_COUNT], words[layout.H_DAMPED_JOINT_COUNT] = len(hinges), len(damped)
         for index, drive in enumerate(hinges):
             row = self._starts[layout.H_HINGES] + index * layout.HINGE_WORDS
-            words[row], values[row + 1] = joints[drive], drive.angle
+            words[row], values[row + 1], words[row + 3] = joints[drive], drive.angle, drive.access.reading
             self._angles[drive] = row + 1
         for index, drive in enumerate(damped):
             row = self._starts[layout.H_DAMPED_JOINTS] + index * layout.DAMPED_WORDS

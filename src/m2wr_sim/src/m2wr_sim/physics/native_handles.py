@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Handles = Dict[LinkBody, int]
 
 _Key = TypeVar("_Key")
-_MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
+_MODEL_JOINTS = (1, 2, 3, 5, 7, 14)     # dJointType: ball, hinge, slider, universal, fixed, piston
 _DAMPERS = (9, 10)                  # dJointType: angular and linear motor
 
 
@@ -57,8 +57,12 @@ def joint_handles(library: Any, moving: Iterable[ModelParts], bodies: Handles) -
     -------
     dict
     """
-    return _handles_of(library, moving, bodies, _MODEL_JOINTS,
-                       lambda parts: [(drive, drive.spec) for drive in reversed(parts.joints)])
+    moving = list(moving)
+    handles = _handles_of(library, moving, bodies, _MODEL_JOINTS,
+                          lambda parts: [(drive, drive.spec) for drive in reversed(parts.joints)])
+    handles.update((drive.second, handles[drive]) for parts in moving for drive in parts.joints
+                   if drive.second is not None)
+    return handles
 
 
 def motor_handles(library: Any, moving: Iterable[ModelParts], bodies: Handles) -> Dict[Damper, int]:

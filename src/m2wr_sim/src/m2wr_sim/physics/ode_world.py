@@ -26,9 +26,11 @@ from m2wr_sim.physics.contacts import load_class
 from m2wr_sim.physics.coupled_friction import Memory
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, ContactEvent, Engine, EngineSettings, LinkState, ModelHandle
 from m2wr_sim.physics.islands import Islands
+from m2wr_sim.physics.joint_axes import axis_access
 from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts, Shape
+from m2wr_sim.physics.rows import Row
 from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
 from m2wr_sim.physics.wheels import initial_link_pose, skids, wheel_poses
 
@@ -78,6 +80,7 @@ class OdeWorld(Engine):
         self._felt_since: Dict[int, int] = {}       # joint -> number of the step before its first measurement
         self._memory = Memory()
         self._loads: Loads = {}         # of wheels, for the next step
+        self._rows: Dict[Tuple[LinkBody, Optional[LinkBody]], Row] = {}
         self._islands = Islands()
         self._iterative = False         # whether all steps are solved iteratively
         self._messages = native_ode.MessageCounter()
@@ -99,8 +102,8 @@ class OdeWorld(Engine):
         handle = ModelHandle(name, {}, {})
         for link in parts.links:
             handle.links[link.spec.name] = self._register(self._links, link)
-        for drive in parts.joints:
-            handle.joints[drive.spec.name] = self._register(self._joints, drive)
+        for drive in parts.drives():
+            handle.joints[drive.name[len(name) + 2:]] = self._register(self._joints, drive)
         self._note_mobility(parts)
         if not parts.static:
             self._moving.append(parts)
@@ -196,6 +199,7 @@ class OdeWorld(Engine):
         for number in handle.joints.values():
             drive = self._joints[number]
             drive.hinge, drive.spec = False, replace(drive.spec, kind="fixed")
+            drive.access = axis_access("fixed", drive.joint, 0)
             drive.damping = drive.stiffness = drive.pull = 0.0
         self._release(parts)
         self._refresh_lists()
@@ -229,6 +233,9 @@ class OdeWorld(Engine):
 
     def _release(self, parts: ModelParts) -> None:
         """Free a model's ODE objects: joints, then geoms, then bodies."""
+        gone_links = set(parts.links)
+        for pair_of_links in [key for key in self._rows if not gone_links.isdisjoint(key)]:
+            self._rows.pop(pair_of_links).remove()
         for drive in parts.joints:
             for damper in drive.dampers.values():
                 damper.remove()
@@ -256,7 +263,7 @@ class OdeWorld(Engine):
         if parts.static:
             return
         dampers.settle(self._world, parts, self._dt)
-        self._hinges += [drive for drive in parts.joints if drive.hinge]
+        self._hinges += [drive for drive in parts.drives() if drive.hinge]
         self._idlers += [link for link in parts.links if link.countdown is not None]
         self._damped_joints += _damped(parts.joints)
         self._damped_links += _damped_links(parts.links)
@@ -356,23 +363,20 @@ class OdeWorld(Engine):
 
     def joint_angle(self, joint: int) -> float:
         drive = self._joints[joint]
-        if drive.hinge:
-            return drive.angle
-        return drive.joint.getPosition() if drive.spec.kind == "prismatic" else 0.0
+        return drive.angle if drive.hinge else drive.access.position()
 
     def joint_rate(self, joint: int) -> float:
-        drive = self._joints[joint]
-        if drive.hinge:
-            return drive.joint.getAngleRate()
-        return drive.joint.getPositionRate() if drive.spec.kind == "prismatic" else 0.0
+        return self._joints[joint].access.rate()
 
     def set_joint_motor(self, joint: int, rate: float, max_force: float) -> None:
-        drive = self._joints[joint].joint
-        drive.setParam(bodies.PARAM_VEL, rate)
-        drive.setParam(bodies.PARAM_FMAX, max_force)
+        drive = self._joints[joint]
+        put, group = drive.joint.setParam, drive.access.group
+        put(group + bodies.PARAM_VEL, rate)
+        put(group + bodies.PARAM_FMAX, max_force)
 
     def set_joint_motor_force(self, joint: int, max_force: float) -> None:
-        self._joints[joint].joint.setParam(bodies.PARAM_FMAX, max_force)
+        drive = self._joints[joint]
+        drive.joint.setParam(drive.access.group + bodies.PARAM_FMAX, max_force)
 
     def add_link_force(self, link: int, force: Sequence[float], torque: Sequence[float]) -> None:
         body = self._links[link].body
@@ -383,14 +387,21 @@ class OdeWorld(Engine):
 
     def add_joint_force(self, joint: int, force: float) -> None:
         drive = self._joints[joint]
-        if drive.hinge:
-            drive.joint.addTorque(force)
-        elif drive.spec.kind == "prismatic":
-            drive.joint.addForce(force)
+        drive.access.push(force)
         for number in (0, 1):
             body = drive.joint.getBody(number)
             if body is not None:
                 body.enable()
+
+    def couple(self, first: int, second: Optional[int], point: Sequence[float], direction: Sequence[float],
+               across: Sequence[float], speed: float) -> None:
+        one, two = self._links[first], None if second is None else self._links[second]
+        if one.body is None or two is not None and two.body is None:
+            return
+        if (one, two) not in self._rows:
+            self._rows[one, two] = Row(self._world)
+        self._rows[one, two].set(one.body, None if two is None else two.body, point, direction, across,
+                                 speed)
 
     def set_link_gravity(self, link: int, acts: bool) -> None:
         body = self._links[link].body
@@ -417,10 +428,11 @@ class OdeWorld(Engine):
     def change_joint(self, joint: int, axis: Axis, parameters: Dict[str, float], index: int = 0) -> None:
         drive = self._joints[joint]
         drive.spec = replace(drive.spec, axis2=axis) if index else replace(drive.spec, axis=axis)
+        group = (drive.second if index and drive.second else drive).access.group
         for name, value in parameters.items():
             if name in ("cfm", "stop_cfm"):
                 value = bodies.bounded_softness(value)
-            drive.joint.setParam(bodies.axis_group(drive.spec.kind, index) + bodies.PARAMETERS[name], value)
+            drive.joint.setParam(group + bodies.PARAMETERS[name], value)
         self._refresh_lists()
         self._wake()
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.types import Collision, Joint, Link
     from m2wr_sim.physics.dampers import Damper
+    from m2wr_sim.physics.joint_axes import AxisAccess
     from m2wr_sim.physics.native_shapes import Geom
 
 
@@ -35,6 +36,10 @@ class ModelParts:
         self.geoms: List[Geom] = []
         self.self_colliding, self.sleeps, self.skids, self.stiffer = False, False, False, 1.0
         self.too_mobile: Optional[Tuple[str, str]] = None       # result of limits.too_mobile
+
+    def drives(self) -> List[JointDrive]:
+        """Return the axes of all joints."""
+        return [drive for joint in self.joints for drive in (joint, joint.second) if drive is not None]
 
 
 class Shape:
@@ -105,21 +110,26 @@ class LinkBody:
 
 
 class JointDrive:
-    """A joint in the engine: its angle with full rotations, and its damping, see :mod:`m2wr_sim.physics.dampers`.
+    """One axis of a joint: its angle with full rotations, and its damping, see :mod:`m2wr_sim.physics.dampers`.
 
     Parameters
     ----------
     name : str
         ``model::joint``.
     spec : m2wr_sim.model.types.Joint
-    joint : ode.Joint
-    hinge : bool
-        Whether it is a revolute joint.
+    joint : ode.Joint or NativePiston
+    access : AxisAccess
+        How libode reads and drives the axis.
+    second : JointDrive, optional
+        The other axis of a joint with two.
     """
 
-    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "stiffness", "pull", "dampers")
+    __slots__ = ("name", "spec", "joint", "access", "second", "hinge", "angle", "damping", "stiffness", "pull",
+                 "dampers")
 
-    def __init__(self, name: str, spec: Joint, joint: ode.Joint, hinge: bool) -> None:
-        self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
+    def __init__(self, name: str, spec: Joint, joint: ode.Joint, access: AxisAccess,
+                 second: Optional[JointDrive] = None) -> None:
+        self.name, self.spec, self.joint, self.access, self.second = name, spec, joint, access, second
+        self.hinge, self.angle = access.rotates, 0.0
         self.damping = self.stiffness = self.pull = 0.0
         self.dampers: Dict[int, Damper] = {}        # by index of the axis

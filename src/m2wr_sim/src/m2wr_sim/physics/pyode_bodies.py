@@ -13,9 +13,10 @@ import ode
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, rotate
-from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
+from m2wr_sim.model.types import SECOND_AXIS, Box, Cylinder, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
+from m2wr_sim.physics.joint_axes import NativePiston, axis_access
 from m2wr_sim.physics.limits import SOFTEST, check_inertial, link_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 from m2wr_sim.physics.parts import JointDrive
@@ -32,7 +33,7 @@ COLLIDE_EVERYTHING = 0x7fffffff
 
 # Joint parameters of ODE 0.16 by number: the constants of the binding are those of an older library, without effect.
 PARAM_LO_STOP, PARAM_HI_STOP, PARAM_VEL, PARAM_FMAX, PARAM_CFM = 0, 1, 2, 5, 8
-PARAM_STOP_ERP, PARAM_STOP_CFM, PARAM_GROUP_2 = 9, 10, 0x100
+PARAM_STOP_ERP, PARAM_STOP_CFM = 9, 10
 PARAMETERS = {"lower": PARAM_LO_STOP, "upper": PARAM_HI_STOP, "rate": PARAM_VEL, "max_force": PARAM_FMAX,
               "fudge_factor": 6, "cfm": PARAM_CFM, "stop_erp": PARAM_STOP_ERP, "stop_cfm": PARAM_STOP_CFM, "erp": 13}
 
@@ -277,15 +278,17 @@ def make_joint(world: ode.World, spec: Joint, name: str, parent: Optional[LinkBo
     """
     first, second = child.body, parent.body if parent is not None else ode.environment
     kinds = {"revolute": ode.HingeJoint, "prismatic": ode.SliderJoint, "fixed": ode.FixedJoint, "ball": ode.BallJoint,
-             "universal": ode.UniversalJoint}
+             "universal": ode.UniversalJoint, "screw": NativePiston}
     if spec.kind not in kinds:
         raise ModelError("joint %s: type %s; expected one of %s" % (name, spec.kind, ", ".join(sorted(kinds))))
     joint = kinds[spec.kind](world)
     joint.attach(first, second)
     anchor_joint(joint, spec, child)
-    for index, axis in enumerate(spec.axes()):
-        _set_up_axis(joint, spec.kind, axis, axis_group(spec.kind, index))
-    return JointDrive(name, spec, joint, spec.kind == "revolute")
+    axes = [axis_access(spec.kind, joint, index) for index in range(max(1, len(spec.axes())))]
+    for access, axis in zip(axes, spec.axes()):
+        _set_up_axis(joint, spec.kind, axis, access.group)
+    second = JointDrive(name + SECOND_AXIS, spec, joint, axes[1]) if len(axes) > 1 else None
+    return JointDrive(name, spec, joint, axes[0], second)
 
 
 def anchor_joint(joint: ode.Joint, spec: Joint, child: LinkBody) -> None:
@@ -309,7 +312,7 @@ def anchor_joint(joint: ode.Joint, spec: Joint, child: LinkBody) -> None:
         joint.setAxis1(rotate(orientation, spec.axes()[1].xyz))
         joint.setAxis2(axis)
     else:
-        if spec.kind == "revolute":
+        if spec.kind != "prismatic":
             joint.setAnchor(anchor)
         joint.setAxis(axis)
 
@@ -317,23 +320,6 @@ def anchor_joint(joint: ode.Joint, spec: Joint, child: LinkBody) -> None:
 def bounded_softness(cfm: float) -> float:
     """Limit a softness (CFM) [s/kg] to what the direct solver can use; at the limit a stop has no effect anyway."""
     return min(max(cfm, 0.0), SOFTEST)
-
-
-def axis_group(kind: str, index: int) -> int:
-    """Return the offset of libode's parameter numbers for an axis of a joint.
-
-    Parameters
-    ----------
-    kind : str
-        Type of the joint.
-    index : int
-        Index of the axis.
-
-    Returns
-    -------
-    int
-    """
-    return PARAM_GROUP_2 if kind == "universal" and index == 0 else 0
 
 
 def _set_up_axis(joint: ode.Joint, kind: str, axis: Axis, group: int) -> None:
@@ -379,9 +365,10 @@ def describe_loss(step: int, dt: float, parts: ModelParts, link: LinkBody) -> st
     -------
     str
     """
-    motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
-                                       drive.joint.getParam(PARAM_FMAX))
-              for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
+    motors = ["%s %g with up to %g" % (drive.name.partition("::")[2],
+                                       drive.joint.getParam(drive.access.group + PARAM_VEL),
+                                       drive.joint.getParam(drive.access.group + PARAM_FMAX))
+              for drive in parts.drives() if drive.spec.axes()]
     return ("step %d (%g ms each): the simulation diverged: %s is at %s, with velocity %s m/s and angular velocity "
             "%s rad/s. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
                                       link.body.getAngularVel(), ", ".join(motors) or "none"))

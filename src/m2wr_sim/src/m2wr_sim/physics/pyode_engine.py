@@ -249,8 +249,8 @@ class PyodeEngine(OdeWorld):
     def _unwrap(self) -> None:
         """Count full rotations: take the angle that fits the reading and is nearest to the prediction by the rate."""
         for drive in self._hinges:
-            raw = drive.joint.getAngle()
-            predicted = drive.angle + drive.joint.getAngleRate() * self._dt
+            raw = drive.access.position()
+            predicted = drive.angle + drive.access.rate() * self._dt
             drive.angle = raw + 2.0 * math.pi * round((predicted - raw) / (2.0 * math.pi))
 
 

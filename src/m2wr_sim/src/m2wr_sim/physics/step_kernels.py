@@ -77,6 +77,7 @@ if TYPE_CHECKING:
 
 _TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
+HINGE, UNIVERSAL_1, UNIVERSAL_2 = 0, 1, 2       # as in joint_axes; else a piston
 # Steps, and error [rad] of the integrated rates, after which the angles of hinges are read and rotations counted.
 _UNWRAP_AFTER, _GREATEST_ERROR = 8, 1.0
 
@@ -88,6 +89,12 @@ _space_geom = types.ExternalFunction("dSpaceGetGeom", _handle(_handle, types.int
 _group_empty = types.ExternalFunction("dJointGroupEmpty", types.void(_handle))
 _hinge_angle = types.ExternalFunction("dJointGetHingeAngle", types.float64(_handle))
 _hinge_rate = types.ExternalFunction("dJointGetHingeAngleRate", types.float64(_handle))
+_universal_angle_1 = types.ExternalFunction("dJointGetUniversalAngle1", types.float64(_handle))
+_universal_rate_1 = types.ExternalFunction("dJointGetUniversalAngle1Rate", types.float64(_handle))
+_universal_angle_2 = types.ExternalFunction("dJointGetUniversalAngle2", types.float64(_handle))
+_universal_rate_2 = types.ExternalFunction("dJointGetUniversalAngle2Rate", types.float64(_handle))
+_piston_angle = types.ExternalFunction("dJointGetPistonAngle", types.float64(_handle))
+_piston_rate = types.ExternalFunction("dJointGetPistonAngleRate", types.float64(_handle))
 _slider_at = types.ExternalFunction("dJointGetSliderPosition", types.float64(_handle))
 _slider_rate = types.ExternalFunction("dJointGetSliderPositionRate", types.float64(_handle))
 _add_hinge_torque = types.ExternalFunction("dJointAddHingeTorque", types.void(_handle, types.float64))
@@ -134,6 +141,28 @@ def _damp(words: Words, values: Values) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _angle(words: Words, row: int) -> float:
+    """Return the angle of an axis, without full rotations."""
+    joint, reading = words[row], words[row + 3]
+    if reading == HINGE:
+        return _hinge_angle(joint)
+    if reading == UNIVERSAL_1:
+        return _universal_angle_1(joint)
+    return _universal_angle_2(joint) if reading == UNIVERSAL_2 else _piston_angle(joint)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rate(words: Words, row: int) -> float:
+    """Return the rate of an axis that rotates."""
+    joint, reading = words[row], words[row + 3]
+    if reading == HINGE:
+        return _hinge_rate(joint)
+    if reading == UNIVERSAL_1:
+        return _universal_rate_1(joint)
+    return _universal_rate_2(joint) if reading == UNIVERSAL_2 else _piston_rate(joint)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _integrate_hinges(words: Words, values: Values, dt: float) -> float:
     """Integrate the rates of the hinges over a step, which is faster than reading their angles.
 
@@ -142,7 +171,7 @@ def _integrate_hinges(words: Words, values: Values, dt: float) -> float:
     error = 0.0
     for index in range(np.int64(words[H_HINGE_COUNT])):
         row = np.int64(words[H_HINGES]) + index * HINGE_WORDS
-        rotation = _hinge_rate(words[row]) * dt
+        rotation = _rate(words, row) * dt
         values[row + 2] += rotation
         error = max(error, abs(rotation * rotation * rotation) / 12.0)
     return error
@@ -153,7 +182,7 @@ def _unwrap(words: Words, values: Values) -> None:
     """Count full rotations: take the angle that fits the reading and is nearest to the prediction by the rates."""
     for index in range(np.int64(words[H_HINGE_COUNT])):
         row = np.int64(words[H_HINGES]) + index * HINGE_WORDS
-        raw = _hinge_angle(words[row])
+        raw = _angle(words, row)
         predicted = values[row + 1] + values[row + 2]
         values[row + 2] = 0.0
         # plus zero, because -0 rotations are 0: a hinge at rest reads 0, never -0

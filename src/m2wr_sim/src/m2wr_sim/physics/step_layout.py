@@ -32,7 +32,8 @@ H_BOUNDS              ``BOUNDS_WORDS`` words a body: radius of a sphere with its
 H_LOADS               ``LOAD_WORDS`` words a wheel: last step with a contact, row of the other geom, word with the
                       force of that contact (0: the next word is its normal force), normal force, normal, room for a
                       dJointFeedback
-H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full rotations, integral of its rate since then
+H_HINGES              ``HINGE_WORDS`` words an axis that rotates: joint, angle with full rotations, integral of its rate
+                      since then, which reading of :mod:`m2wr_sim.physics.joint_axes`
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
                       motor of an implicit spring or none, its pull
 H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
@@ -85,7 +86,7 @@ ISLAND_WORDS = 7
 X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(ISLAND_WORDS)
 LOAD_WORDS = 23
 L_STEP, L_OTHER, L_AT, L_FORCE, L_NORMAL, L_ROOM = 0, 1, 2, 3, 4, 7
-HINGE_WORDS = 3
+HINGE_WORDS = 4
 DAMPED_WORDS = 7
 
 CONTACT_PAIR_WORDS, CONTACT_PAIR_ROOM = 6, 128     # initial room for pairs in contact in one step

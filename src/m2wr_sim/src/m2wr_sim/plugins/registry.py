@@ -24,6 +24,8 @@ PLUGINS = {
     "libgazebo_ros_ft_sensor.so": "m2wr_sim.plugins.ft_sensor:JointWrench",
     "libgazebo_ros_control.so": "m2wr_sim.plugins.ros_control:RosControl",
     "libm2wr_mimic.so": "m2wr_sim.plugins.mimic:MimicJoint",
+    "libm2wr_gear.so": "m2wr_sim.plugins.coupling:Gear",
+    "libm2wr_screw.so": "m2wr_sim.plugins.coupling:Screw",
     "libroboticsgroup_gazebo_mimic_joint_plugin.so": "m2wr_sim.plugins.mimic:MimicJoint",
     "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so": "m2wr_sim.plugins.mimic:MimicJoint",
     "libmimic_joint_plugin.so": "m2wr_sim.plugins.mimic:MimicJoint",

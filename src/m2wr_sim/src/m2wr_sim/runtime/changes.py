@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, Mapping, Optional, Sequen
 
 from m2wr_sim.errors import ModelError, ParameterError
 from m2wr_sim.geometry import IDENTITY, Pose, Vector, compose, cross, rotate, rotate_inverse, unit_pose
+from m2wr_sim.model.types import SECOND_AXIS
 from m2wr_sim.physics.engine import FASTEST, LONGEST_STEP, SHORTEST_STEP, settings_from_physics
 from m2wr_sim.physics.limits import GREATEST_NUMBER
+from m2wr_sim.runtime.entities import plain_joint_name
 from m2wr_sim.runtime.limits import GREATEST_GRAVITY, GREATEST_MOTOR, check_pose, check_velocity, solver_stops
 
 if TYPE_CHECKING:
@@ -109,6 +111,9 @@ def set_joint_properties(simulator: Simulator, model: LiveModel, name: str, chan
         If a number is not finite or exceeds its limit.
     """
     where = "%s::%s" % (model.name, name)
+    name, second = plain_joint_name(name)
+    if second:
+        changes = {1: changes[0]} if 0 in changes else {}
     for fields, parameters in changes.values():
         _check_joint_numbers(where, list(fields.items()) + list(parameters.items()))
     joint, number = model.joint_record(name), model.handle.joints.get(name)
@@ -121,7 +126,7 @@ def set_joint_properties(simulator: Simulator, model: LiveModel, name: str, chan
         axes[index] = replace(axes[index], **fields)
         if number is not None and joint.axes():
             stops = {key: parameters[key] for key in ("lower", "upper") if key in parameters}
-            position = simulator.engine.joint_angle(number)
+            position = simulator.engine.joint_angle(model.handle.joints[name + (SECOND_AXIS if index else "")])
             taken[index] = dict(parameters, **solver_stops(where, joint, position, simulator.step_ns * 1e-9, stops))
     for index, parameters in taken.items():
         simulator.engine.change_joint(number, axes[index], parameters, index)

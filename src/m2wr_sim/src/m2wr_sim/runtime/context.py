@@ -100,7 +100,7 @@ class ModelContext(PluginContext):
     def joint_record(self, name: str) -> Joint:
         self.joint(name)
         name = self._own(self._model.handle.joints, name)
-        return next(joint for joint in self._model.record.joints if joint.name == name)
+        return self._model.joint_record(name)
 
     def joint_position(self, name: str) -> Vector:
         joint = self.joint_record(name)

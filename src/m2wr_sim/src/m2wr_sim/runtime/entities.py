@@ -20,6 +20,7 @@ from m2wr_sim.geometry import (
     normalise_quaternion,
     rotate_inverse,
 )
+from m2wr_sim.model.types import SECOND_AXIS
 
 if TYPE_CHECKING:
     from m2wr_sim.model.types import Inertial, Joint, Link, Model
@@ -98,7 +99,7 @@ class LiveModel:
 
     def joint_record(self, name: str) -> Joint:
         """Return the record of a joint."""
-        return next(joint for joint in self.record.joints if joint.name == name)
+        return record_of_joint(self.record, name)
 
     def pose(self, engine: Engine) -> Pose:
         """Return the model frame's ``(position, orientation)`` in the world."""
@@ -252,7 +253,33 @@ def find_joint(models: Iterable[LiveModel], name: str) -> Optional[Tuple[LiveMod
     (LiveModel, str) or None
         The model, and the name of the joint in it.
     """
-    return _find(models, lambda record: record.joints, name)
+    plain, second = plain_joint_name(name)
+    found = _find(models, lambda record: [joint for joint in record.joints if not second or len(joint.axes()) > 1],
+                  plain)
+    return (found[0], found[1] + SECOND_AXIS) if found is not None and second else found
+
+
+def plain_joint_name(name: str) -> Tuple[str, bool]:
+    """Return the name of a joint without :data:`SECOND_AXIS`, and whether it had it."""
+    second = name.endswith(SECOND_AXIS)
+    return (name[:-len(SECOND_AXIS)] if second else name), second
+
+
+def record_of_joint(record: Model, name: str) -> Joint:
+    """Return the record of a joint, or of the second axis of one.
+
+    Parameters
+    ----------
+    record : Model
+    name : str
+
+    Returns
+    -------
+    Joint
+    """
+    plain, second = plain_joint_name(name)
+    joint = next(joint for joint in record.joints if joint.name == plain)
+    return joint.along_second() if second else joint
 
 
 def find_frame(models: Iterable[LiveModel], engine: Engine, name: str) -> Optional[LinkState]:

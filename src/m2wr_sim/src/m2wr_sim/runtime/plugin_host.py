@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional, Set, Tuple
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.types import PluginSpec
+from m2wr_sim.model.types import SECOND_AXIS, PluginSpec
 from m2wr_sim.plugins.base import PluginReader
 from m2wr_sim.plugins.unsupported import UnsupportedPlugins
 from m2wr_sim.runtime.context import ModelContext
@@ -93,7 +93,8 @@ class PluginHost:
                 for spec in sensor.plugins:
                     yield spec, sensor, link.name
         config = self._simulator.config
-        moving = [joint.name for joint in record.joints if joint.kind in ("revolute", "prismatic")]
+        moving = [joint.name + suffix for joint in record.joints
+                  for suffix in ("", SECOND_AXIS)[:len(joint.axes())]]
         given = any("joint_state" in spec.filename or "gazebo_ros_control" in spec.filename
                     or spec.find("publishWheelJointState") in ("true", "1")
                     for spec in record.plugins)

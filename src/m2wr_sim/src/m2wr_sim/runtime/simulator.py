@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Type
 from m2wr_sim.collector import paused_collector
 from m2wr_sim.errors import LostError, ModelError, NotFoundError
 from m2wr_sim.geometry import compose, rotate, unit_pose
-from m2wr_sim.model.types import Physics, Scene
+from m2wr_sim.model.types import SECOND_AXIS, Physics, Scene
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.config import SimConfig
 from m2wr_sim.runtime.entities import LiveModel, find_frame, kinematic, list_names, relative
@@ -421,8 +421,9 @@ class Simulator:
         """
         model = self._model(name)
         for joint in model.record.joints:
-            if joint.name in positions and joint.kind in ("revolute", "prismatic"):
-                model.set_joint_position(self.engine, joint.name, positions[joint.name])
+            for name in [joint.name + suffix for suffix in ("", SECOND_AXIS)[:len(joint.axes())]]:
+                if name in positions:
+                    model.set_joint_position(self.engine, name, positions[name])
 
     # ---- resets ------------------------------------------------------------------------------------------------
 

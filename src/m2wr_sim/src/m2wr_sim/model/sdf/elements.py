@@ -62,13 +62,15 @@ READ = {row: _words(text) for row, text in {
     "contact": "ode collide_bitmask collide_without_contact elastic_modulus",
     "contact/ode": "kp kd max_vel min_depth",
     "bounce": "restitution_coefficient threshold",
-    "joint": "parent child pose axis axis2 physics",
+    "joint": "parent child pose axis axis2 physics thread_pitch screw_thread_pitch gearbox_ratio"
+             " gearbox_reference_body",
     "joint/physics": "ode",
     "joint/ode": "limit fudge_factor",
     "ode/limit": "erp cfm",
     "parent": "link",
     "child": "link",
-    "axis": "xyz use_parent_model_frame dynamics limit",
+    "axis": "xyz use_parent_model_frame dynamics limit mimic",
+    "mimic": "multiplier offset reference",
     "dynamics": "damping friction spring_stiffness spring_reference",
     "axis/limit": "lower upper effort velocity",
     "sensor": "pose update_rate always_on visualize plugin ray imu contact camera",
@@ -131,9 +133,6 @@ REASONS = {
     ("world", "population"): "write the models out, or spawn them",
     ("link", "battery"): "no charge is simulated",
     ("joint", "sensor"): "a force and torque plugin on the model reads joints",
-    ("joint", "gearbox_ratio"): "gearboxes are not simulated",
-    ("joint", "gearbox_reference_body"): "gearboxes are not simulated",
-    ("joint", "thread_pitch"): "screws are not simulated",
     ("model", "gripper"): "a closed hand holds by friction alone",
     ("contact", "category_bitmask"): "<collide_bitmask> decides what collides",
     ("joint/ode", "cfm"): "<limit> in it is read",
@@ -144,7 +143,6 @@ REASONS = {
     ("imu", "orientation_reference_frame"): "the orientation is in the world's axes; a plugin may turn it",
     ("imu", "enable_orientation"): "the orientation is always given",
     ("inertial", "density"): "<mass> and <inertia> are read",
-    ("axis", "mimic"): "the joint moves freely",
 }
 
 #: (row, element) -> the value at which an element that is not read changes nothing, and is not reported; 0 is also
@@ -152,7 +150,7 @@ REASONS = {
 IDLE = {("physics", "real_time_factor"): 1.0, ("model", "enable_wind"): 0.0, ("link", "enable_wind"): 0.0,
         ("link", "must_be_base_link"): 0.0, ("joint/ode", "cfm"): 0.0, ("joint/ode", "erp"): 0.2,
         ("joint/ode", "bounce"): 0.0, ("joint/ode", "max_force"): 0.0, ("joint/ode", "velocity"): 0.0,
-        ("joint", "gearbox_ratio"): 1.0, ("joint", "thread_pitch"): 1.0, ("contact", "category_bitmask"): 65535.0}
+        ("contact", "category_bitmask"): 65535.0}
 
 #: Row -> what differs from Gazebo, for docs/reference/sdf.md.
 DIFFERS = {
@@ -178,7 +176,8 @@ DIFFERS = {
     "torsional": "reported where it would have an effect",
     "contact": "`elastic_modulus` other than 0 is reported",
     "contact/ode": "limited, see [physics](../explanation/physics.md)",
-    "joint": "types revolute, continuous, prismatic, fixed, ball, universal; others are reported",
+    "joint": "types revolute, continuous, prismatic, fixed, ball, universal, revolute2 (its suspension is "
+             "rigid), screw, gearbox (wheels with parallel axes); the second axis of joint `j` is named `j::axis2`",
     "sensor": "types ray, gpu_ray, imu, contact, camera, depth, multicamera; others are reported",
     "range": "`resolution` has no effect, as in Gazebo",
     "noise": "`dynamic_bias_...`: of imu sensors, else reported",

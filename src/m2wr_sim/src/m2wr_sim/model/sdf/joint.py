@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Callable, Collection, Mapping, Optional, Sequence, Tuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Callable, Collection, List, Mapping, Sequence, Tuple
 
 from m2wr_sim.geometry import IDENTITY, compose, rotate, rotate_inverse
-from m2wr_sim.model.types import Axis, Joint
+from m2wr_sim.model.types import MIMIC_LIBRARY, SECOND_AXIS, Axis, Joint, PluginSpec
 from m2wr_sim.model.xml.safe import fail
 
 if TYPE_CHECKING:
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
 
 NO_LIMIT = 1e16
 
-_KINDS = ("revolute", "prismatic", "fixed", "ball", "universal")
-_UNUSED_KINDS = ("revolute2", "screw", "gearbox")
+_KINDS = ("revolute", "prismatic", "fixed", "ball", "universal", "screw")
+_LEAST_PITCH, _GREATEST_PITCH = 1e-5, 100.0      # m for each rotation of a screw
+_RIGHT = 0.02            # sine of the greatest error of a right angle between the axes of a revolute2 joint
 _MOST_NAMES = 12        # of links in a message
 _DYNAMICS = ("damping", "friction", "spring_stiffness", "spring_reference")
 
@@ -123,7 +125,7 @@ def _end(node: Node, tag: str, links: Collection[str], model: str) -> str:
 
 
 def read_joint(node: Node, links: Mapping[str, Pose], frames: Frames, version: Tuple[int, ...],
-               model: str = "") -> Optional[Joint]:
+               model: str = "") -> Tuple[Joint, List[PluginSpec]]:
     """Read one ``<joint>``.
 
     Parameters
@@ -140,8 +142,9 @@ def read_joint(node: Node, links: Mapping[str, Pose], frames: Frames, version: T
 
     Returns
     -------
-    Joint or None
-        None for a type that is not supported (a warning is added).
+    joint : Joint
+    plugins : list of PluginSpec
+        Those that it needs: of a screw, and of axes with ``<mimic>``.
 
     Raises
     ------
@@ -151,13 +154,9 @@ def read_joint(node: Node, links: Mapping[str, Pose], frames: Frames, version: T
     name, kind = node.name(), node.attribute("type")
     if kind == "continuous":
         kind = "revolute"
-    if kind in _UNUSED_KINDS:
-        node.ignore()
-        node.notes.add('{}: joint "{}" of type {} is not supported; its links stay unconnected.'.format(
-            node.line, name, kind))
-        return None
+    wheel, kind = kind == "revolute2", "universal" if kind == "revolute2" else kind
     if kind not in _KINDS:
-        node.fail('joint type is "{}"'.format(kind), "one of " + ", ".join(_KINDS))
+        node.fail('joint type is "{}"'.format(kind), "one of " + ", ".join(_KINDS + ("revolute2", "gearbox")))
     parent, child = _end(node, "parent", links, model), _end(node, "child", links, model)
     to_world = kind == "fixed" and child == "world" and parent != "world"
     if to_world:                # exchanged, this is the same joint; its place on the link does not matter
@@ -173,9 +172,64 @@ def read_joint(node: Node, links: Mapping[str, Pose], frames: Frames, version: T
     axis2 = None
     if kind == "universal":
         axis2 = _axis(second, node, model_from_joint, frames, version)
+        if wheel:
+            axis2 = _at_right_angles(node, axis, axis2)
     elif second:
         second.ignore()
-        node.notes.add("{}: <axis2> of a {} joint ignored; expected it in a joint of type universal.".format(
-            second.line, kind), ("unread", kind, "axis2"))
+        node.notes.add("{}: <axis2> of a {} joint ignored; expected it in a joint of type universal or "
+                       "revolute2.".format(second.line, kind), ("unread", kind, "axis2"))
+    pitch = _pitch(node) if kind == "screw" else 0.0
+    joint = Joint(name=name, kind=kind, parent=parent, child=child, pose=pose, axis=axis, axis2=axis2, pitch=pitch)
+    plugins = _couplings(node, joint)
     node.done()
-    return Joint(name=name, kind=kind, parent=parent, child=child, pose=pose, axis=axis, axis2=axis2)
+    return joint, plugins
+
+
+def _couplings(node: Node, joint: Joint) -> List[PluginSpec]:
+    """Return the plugins that a joint needs: of a screw, and of axes with ``<mimic>``."""
+    found = []
+    if joint.kind == "screw":
+        found.append(PluginSpec("screw_" + joint.name, "libm2wr_screw.so", (("joint", joint.name),), where=node.line))
+    for tag, suffix in (("axis", ""), ("axis2", SECOND_AXIS)):
+        mimic = node.child(tag).child("mimic")
+        if not mimic:
+            continue
+        leader = mimic.attribute("joint")
+        if not leader:
+            mimic.fail("<mimic> without the attribute joint", "the name of the joint to follow")
+        if mimic.attribute("axis") == "axis2":
+            leader += SECOND_AXIS
+        multiplier = mimic.number("multiplier", 1.0)
+        offset = mimic.number("offset", 0.0) - multiplier * mimic.number("reference", 0.0)
+        found.append(PluginSpec("mimic_" + joint.name + suffix, MIMIC_LIBRARY, (
+            ("joint", leader), ("mimicJoint", joint.name + suffix), ("multiplier", repr(multiplier)),
+            ("offset", repr(offset))), where=mimic.line))
+    return found
+
+
+def _pitch(node: Node) -> float:
+    """Return the way of a screw along its axis by angle [m/rad]; a positive one has a right-handed thread.
+
+    ``screw_thread_pitch`` is the way of a rotation [m]; the older ``thread_pitch`` is the angle by way [rad/m], and
+    positive for a left-handed thread.
+    """
+    way, steepness = node.number("screw_thread_pitch", None), node.number("thread_pitch", 1.0)
+    if way is None and steepness:
+        way = -math.tau / steepness
+    if way is None or not _LEAST_PITCH <= abs(way) <= _GREATEST_PITCH:
+        node.fail("a screw with a pitch of {:g} m".format(way or 0.0), "{:g} to {:g} m for each rotation".format(
+            _LEAST_PITCH, _GREATEST_PITCH))
+    return way / math.tau
+
+
+def _at_right_angles(node: Node, first: Axis, second: Axis) -> Axis:
+    """Return the second axis of a revolute2 joint, turned to a right angle with the first one; its spring is rigid."""
+    dot = sum(a * b for a, b in zip(first.xyz, second.xyz))
+    if node.child("physics").child("ode").child("suspension"):
+        node.notes.add('{}: the suspension of joint "{}" is rigid here.'.format(node.line, node.name()))
+    if abs(dot) <= 1e-9:
+        return second
+    if abs(dot) > _RIGHT:
+        node.notes.add('{}: the axes of joint "{}" are not at right angles; <axis2> is turned.'.format(
+            node.line, node.name()))
+    return replace(second, xyz=unit(node.element, [b - dot * a for a, b in zip(first.xyz, second.xyz)]))

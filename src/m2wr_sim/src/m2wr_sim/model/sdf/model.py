@@ -27,6 +27,7 @@ from m2wr_sim.model.model_folders import HOW_TO_INSTALL, NEWEST_SDF, parse_versi
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
+from m2wr_sim.model.sdf.gears import read_gear
 from m2wr_sim.model.sdf.joint import named_end, read_joint
 from m2wr_sim.model.sdf.light import read_light
 from m2wr_sim.model.sdf.nesting import merged, merged_plugins, merges, nested_plugins, scoped
@@ -266,18 +267,30 @@ def read_plugins(node: Node) -> List[PluginSpec]:
     return [plugin for plugin in found if plugin is not None]
 
 
-def _joints(node: Node, joint_nodes: List[Tuple[str, Node]], links: Sequence[Link], frames: Frames) -> List[Joint]:
-    """Return the joints that can be made; the others are left out with a warning, as in Gazebo."""
+def _joints(node: Node, joint_nodes: List[Tuple[str, Node]], links: Sequence[Link],
+            frames: Frames) -> Tuple[List[Joint], List[PluginSpec]]:
+    """Return the joints that can be made, and their plugins; the others are left out with a warning, as in Gazebo."""
     poses = {link.name: link.pose for link in links}
     joints: List[Joint] = []
+    plugins: List[PluginSpec] = []
+    gears = [child for _, child in joint_nodes if child.attribute("type") == "gearbox"]
     for _, child in joint_nodes:
-        joint = node.notes.attempt("this joint", read_joint, child, poses, frames, version_of(node.element),
+        if child in gears:
+            continue
+        found = node.notes.attempt("this joint", read_joint, child, poses, frames, version_of(node.element),
                                    node.name())
-        if joint is None:
+        if found is None:
             child.ignore()
         else:
-            joints.append(joint)
-    return joints
+            joints.append(found[0])
+            plugins += found[1]
+    for child in gears:
+        gear = node.notes.attempt("this joint", read_gear, child, links, joints, frames, node.name())
+        if gear is None:
+            child.ignore()
+        else:
+            plugins.append(gear)
+    return joints, plugins
 
 
 def _placed(node: Node, pose: Pose, name: str, frames: Frames) -> Pose:
@@ -341,7 +354,8 @@ def read_model(node: Node, context: SdfContext, static: Optional[bool] = None) -
             more_links, more_joints, more_names = scoped(inner.name, inner, place_of_inner)
             plugins.extend(nested_plugins(inner, place_of_inner))
         links, joints, nested_names = links + more_links, joints + more_joints, nested_names + more_names
-    joints += _joints(node, joint_nodes, links, frames)
+    own_joints, couplings = _joints(node, joint_nodes, links, frames)
+    joints, plugins = joints + own_joints, plugins + couplings
     _tell_canonical(node, links)
     pose = _placed(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
     model = Model(name=name, links=tuple(links), joints=tuple(joints), pose=pose, static=static,

@@ -15,7 +15,7 @@ from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_q
 from m2wr_sim.model.inertials import usable
 from m2wr_sim.model.mesh.shapes import MeshReader
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.types import Collision, Joint, Link, Model, PluginSpec, Visual
+from m2wr_sim.model.types import MIMIC_LIBRARY, Collision, Joint, Link, Model, PluginSpec, Visual
 from m2wr_sim.model.urdf.checks import attribute_numbers, check_urdf
 from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
 from m2wr_sim.model.urdf.lumping import WORLD, children_of, depth_first, lump, part_names
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.model_folders import ResolveModel, ResolvePackage
     from m2wr_sim.model.urdf.lumping import Body, Connection
-
-MIMIC_LIBRARY = "libm2wr_mimic.so"          # of the plugin that a joint with <mimic> gets
 
 
 def _drop_massless(bodies: Dict[str, Body], connections: List[Connection], order: List[str], root: str,

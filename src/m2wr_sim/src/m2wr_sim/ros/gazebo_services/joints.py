@@ -10,6 +10,7 @@ from gazebo_msgs.srv import (
     SetJointPropertiesResponse,
 )
 from m2wr_sim.errors import ModelError
+from m2wr_sim.model.types import SECOND_AXIS
 from m2wr_sim.ros.convert import all_finite
 from m2wr_sim.runtime.changes import set_joint_properties
 from m2wr_sim.runtime.entities import find_joint
@@ -41,14 +42,17 @@ class JointApi:
         return find_joint(self._simulator.models.values(), name)
 
     def get_joint_properties(self, request: Any) -> GetJointPropertiesResponse:
-        """Return position [rad or m] and rate of a joint's axis; type is always 0 and damping empty, as in Gazebo."""
+        """Return position [rad or m] and rate of the axes of a joint; type is always 0, damping empty, as in Gazebo."""
         found = self._find(request.joint_name)
         if found is None:
             return GetJointPropertiesResponse(status_message="GetJointProperties: joint not found")
         model, name = found
         engine, joint = self._simulator.engine, model.handle.joints.get(name)
-        position, rate = (0.0, 0.0) if joint is None else (engine.joint_angle(joint), engine.joint_rate(joint))
-        return GetJointPropertiesResponse(type=GetJointPropertiesResponse.REVOLUTE, position=[position], rate=[rate],
+        numbers = [] if joint is None else [joint, model.handle.joints.get(name + SECOND_AXIS)]
+        numbers = [number for number in numbers if number is not None]
+        return GetJointPropertiesResponse(type=GetJointPropertiesResponse.REVOLUTE,
+                                          position=[engine.joint_angle(number) for number in numbers] or [0.0],
+                                          rate=[engine.joint_rate(number) for number in numbers] or [0.0],
                                           success=True, status_message="GetJointProperties: got properties")
 
     def set_joint_properties(self, request: Any) -> SetJointPropertiesResponse:
