@@ -27,6 +27,7 @@ autodoc_preserve_defaults = True
 # what a machine that only writes the reference need not have
 autodoc_mock_imports = [
     "actionlib_msgs", "control_msgs", "controller_manager_msgs", "diagnostic_msgs", "four_wheel_steering_msgs",
+    "kobuki_msgs",
     "gazebo_msgs", "genpy", "geometry_msgs", "m2wr_gmapping.srv", "m2wr_lockstep.srv",
     "message_filters", "nav_msgs", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch", "roslib", "rosnode", "rosparam",
     "rospkg", "rospy", "rosservice", "rostopic", "sensor_msgs", "std_msgs", "std_srvs", "tf", "tf2_msgs", "tf2_ros",

@@ -94,6 +94,13 @@ _FIELDS = {
     "GripperCommandActionGoal": "Header header, GoalID goal_id, GripperCommandGoal goal",
     "GripperCommandActionFeedback": "Header header, GoalStatus status, GripperCommandFeedback feedback",
     "GripperCommandActionResult": "Header header, GoalStatus status, GripperCommandResult result",
+    "BumperEvent": "uint8 bumper, uint8 state",
+    "CliffEvent": "uint8 sensor, uint8 state, uint16 bottom",
+    "MotorPower": "uint8 state",
+    "WheelDropEvent": "uint8 wheel, uint8 state",
+    "SensorState": "Header header, uint16 time_stamp, uint8 bumper, uint8 wheel_drop, uint8 cliff, uint16 left_encoder,"
+                   " uint16 right_encoder, int8 left_pwm, int8 right_pwm, uint8 buttons, uint8 charger, uint8 battery,"
+                   " uint16[] bottom, uint8[] current, uint8 over_current, uint16 digital_input, uint16[] analog_input",
     "HardwareInterfaceResources": "string hardware_interface, string[] resources",
     "ControllerState": "string name, string state, string type, HardwareInterfaceResources[] claimed_resources",
     "ListControllers": "",
@@ -111,7 +118,11 @@ _FIELDS = {
     "UnloadControllerResponse": "bool ok",
 }
 _CONSTANTS = {"Range": {"ULTRASOUND": 0, "INFRARED": 1}, "PointField": {"UINT16": 4, "FLOAT32": 7},
-              "NavSatFix": {"COVARIANCE_TYPE_DIAGONAL_KNOWN": 2}}
+              "NavSatFix": {"COVARIANCE_TYPE_DIAGONAL_KNOWN": 2},
+              "BumperEvent": {"LEFT": 0, "CENTER": 1, "RIGHT": 2}, "CliffEvent": {"FLOOR": 0, "CLIFF": 1},
+              "MotorPower": {"OFF": 0, "ON": 1},
+              "SensorState": {"CLIFF_RIGHT": 1, "CLIFF_CENTRE": 2, "CLIFF_LEFT": 4, "WHEEL_DROP_RIGHT": 1,
+                              "WHEEL_DROP_LEFT": 2}}
 _FIELD = re.compile(r"(\w+?)(\d*)(\[(\d*)\])? (\w+)")
 _PLAIN: Dict[str, Callable[[], Any]] = {"int": int, "uint": int, "float": float, "string": str,
                                         "bool": bool}

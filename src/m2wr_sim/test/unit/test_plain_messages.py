@@ -8,7 +8,8 @@ from m2wr_sim import messages, plain_messages
 
 MODULES = ("geometry_msgs.msg", "gazebo_msgs.msg", "nav_msgs.msg", "sensor_msgs.msg", "std_msgs.msg", "std_srvs.srv",
            "actionlib_msgs.msg", "control_msgs.msg", "control_msgs.srv", "controller_manager_msgs.msg",
-           "controller_manager_msgs.srv", "four_wheel_steering_msgs.msg", "sensor_msgs.srv", "trajectory_msgs.msg")
+           "controller_manager_msgs.srv", "four_wheel_steering_msgs.msg", "kobuki_msgs.msg", "sensor_msgs.srv",
+           "trajectory_msgs.msg")
 
 
 def of_ros(name):

@@ -49,7 +49,9 @@ SUITABLE = {
 SILENT = {"libgazebo_ros_force.so", "libm2wr_way_points.so", "libTrajectoryActorPlugin.so",
           "libm2wr_actor_script.so", "libgazebo_ros_control.so", "libm2wr_mimic.so", "libmimic_joint_plugin.so",
           "libroboticsgroup_gazebo_mimic_joint_plugin.so", "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so",
-          "libgazebo_mimic_joint_plugin.so"}        # publish nothing, or only what controllers do
+          "libgazebo_mimic_joint_plugin.so", "libm2wr_gear.so", "libm2wr_screw.so",
+          "libgazebo_ros_kobuki.so", "libgazebo_ros_tricycle_drive.so"}
+# publish nothing, or only what controllers do, or need a robot of their own, see the tests named after them
 TRIGGERED = {"libgazebo_ros_triggered_camera.so"}       # publish when they are asked to
 VIEWS = {"camera": (CameraView("left", width=16, height=12),), "depth": (CameraView("c", width=16, height=12),),
          "multicamera": (CameraView("left", width=16, height=12), CameraView("right", width=16, height=12))}

@@ -11,7 +11,7 @@ from m2wr_sim.plugins.registry import PLUGINS, library_name
 from m2wr_sim.plugins.unsupported import NOT_NEEDED, UNSUPPORTED, explain
 
 #: Plugins that the reference of Gazebo's plugins names, by the part of the name that is always the same.
-FAMILIES = ("kobuki", "tricycle", "prosilica", "realsense", "force_based_move",
+FAMILIES = ("ackermann_drive", "prosilica", "realsense", "force_based_move",
             "contact", "vacuum_gripper", "grasp_fix", "wheel_slip", "harness", "video", "actor", "elevator",
             "hand_of_god", "joint_pose_trajectory", "f3d", "projector")
 
@@ -47,13 +47,12 @@ def test_alternatives_are_supported(library):
 
 
 @pytest.mark.parametrize("library, parameters, namespace, words", [
-    ("libgazebo_ros_tricycle_drive.so", (), None,
-     ("It drives this robot; without it: it will not move.", "Not published: /rover/odom.",
-      "Not subscribed: /rover/cmd_vel.")),
-    ("gazebo_ros_tricycle_drive", (("commandTopic", "drive"), ("robotNamespace", "a")), "b",
-     ("plugin libgazebo_ros_tricycle_drive.so is not supported", "Not published: /a/odom.",
+    ("libgazebo_ros_ackermann_drive.so", (), None,
+     ("It drives this robot; without it: it will not move.", "Not published: /odom.",
+      "Not subscribed: /cmd_vel.")),
+    ("gazebo_ros_ackermann_drive", (("commandTopic", "drive"), ("robotNamespace", "a")), "b",
+     ("plugin libgazebo_ros_ackermann_drive.so is not supported", "Not published: /a/odom.",
       "Not subscribed: /a/drive.")),
-    ("libgazebo_ros_kobuki.so", (), "b", ("Not subscribed: /b/mobile_base/commands/velocity.",)),
     ("libgazebo_ros_ouster_laser.so", (("topicName", "blocks"),), "/", ("no point cloud", "Not published: /blocks.")),
     ("libgazebo_ros_prosilica.so", (("cameraName", "front"), ("imageTopicName", "raw")), None,
      ("no images", "Not published: /front/raw, /front/camera_info.", "libgazebo_ros_camera.so")),
@@ -89,14 +88,14 @@ def logged(caplog, words):
 def test_message_is_logged_once_per_description(make_rig, caplog):
     rig = make_rig()
     from dataclasses import replace
-    model = replace(box("crate", 0.0, 0.0, 0.5, (1.0, 1.0, 1.0)), plugins=(spec("libgazebo_ros_tricycle_drive.so"),))
+    model = replace(box("crate", 0.0, 0.0, 0.5, (1.0, 1.0, 1.0)), plugins=(spec("libgazebo_ros_ackermann_drive.so"),))
     for index in range(3):
         rig.simulator.spawn(model, at(3.0 * index), "robot%d" % index)
-    (level, text), = logged(caplog, "tricycle")
+    (level, text), = logged(caplog, "ackermann")
     assert level == logging.WARNING and text.startswith("robot0: ")
-    other = replace(model, plugins=(spec("libgazebo_ros_tricycle_drive.so", ("commandTopic", "go")),))
+    other = replace(model, plugins=(spec("libgazebo_ros_ackermann_drive.so", ("commandTopic", "go")),))
     rig.simulator.spawn(other, at(9.0), "robot9")
-    assert len(logged(caplog, "tricycle")) == 2
+    assert len(logged(caplog, "ackermann")) == 2
 
 
 def test_world_plugins_are_reported_by_level(make_rig, caplog):

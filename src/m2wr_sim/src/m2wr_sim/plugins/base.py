@@ -197,6 +197,30 @@ class PluginContext(abc.ABC):
         """Return the name of the model's first link."""
 
     @abc.abstractmethod
+    def find_sensor(self, name: str, kind: str) -> Tuple[Any, int, Tuple[str, ...]]:
+        """Find a sensor of this model.
+
+        Parameters
+        ----------
+        name : str
+        kind : str
+            ``ray`` stands for gpu_ray, too.
+
+        Returns
+        -------
+        sensor : m2wr_sim.model.types.Sensor
+        link : int
+            The engine's number of the link that carries it.
+        collisions : tuple of str
+            ``model::link::collision`` names of the collisions that a contact sensor names.
+
+        Raises
+        ------
+        PluginError
+            If there is none; the message lists those that exist.
+        """
+
+    @abc.abstractmethod
     def joint(self, name: str) -> int:
         """Return the engine's number of a joint of this model; a PluginError lists the joints that exist."""
 

@@ -14,6 +14,8 @@ PLUGINS = {
     "libgazebo_ros_gpu_laser.so": "m2wr_sim.plugins.laser:Laser",
     "libgazebo_ros_joint_state_publisher.so": "m2wr_sim.plugins.joint_state:JointStatePublisher",
     "libgazebo_ros_skid_steer_drive.so": "m2wr_sim.plugins.skid_steer:SkidSteer",
+    "libgazebo_ros_tricycle_drive.so": "m2wr_sim.plugins.tricycle:Tricycle",
+    "libgazebo_ros_kobuki.so": "m2wr_sim.plugins.kobuki:Kobuki",
     "libgazebo_ros_planar_move.so": "m2wr_sim.plugins.planar_move:PlanarMove",
     "libgazebo_ros_p3d.so": "m2wr_sim.plugins.p3d:GroundTruth",
     "libgazebo_ros_imu.so": "m2wr_sim.plugins.imu:BodyImu",

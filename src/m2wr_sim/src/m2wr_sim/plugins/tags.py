@@ -90,19 +90,19 @@ class PluginReader:
                               % (self.spec.where, tag, text, "" if minimum is None else " of at least %g" % minimum))
         return value
 
-    def length(self, tag: str, default: float) -> float:
+    def length(self, tag: str, default: Optional[float] = None) -> float:
         """Return a length [m] between the smallest and the largest size of a shape.
 
         Parameters
         ----------
         tag : str
-        default : float
+        default : float, optional
             Returned for a missing or empty tag [m].
 
         Raises
         ------
         PluginError
-            For any other value.
+            For any other value, and if the tag is missing and there is no default.
         """
         text = self._find(tag, default)
         value = self._float(text)

@@ -45,7 +45,6 @@ class Missing(NamedTuple):
     publishes: str = ""
     reads: str = ""
     instead: str = ""
-    by_model: bool = False      # the default namespace is the model's name
 
 
 _DRIVE = Missing("drives this robot", "it will not move", "{odometryTopic=odom}", "{commandTopic=cmd_vel}", _DRIVES)
@@ -62,15 +61,11 @@ _ACTOR = Missing("animates an actor", "no actor", instead=_PLACES)
 
 UNSUPPORTED = {
     # -- drives
-    "libgazebo_ros_tricycle_drive.so": _DRIVE._replace(by_model=True),
     "libgazebo_ros_ackerman.so": _DRIVE,
     "libgazebo_ros_ackermann_drive.so": _DRIVE,
     "libdiffdrive_plugin_6w.so": _DRIVE._replace(publishes="odom", reads="{topicName=cmd_vel}"),
     "libdiffdrive_plugin_multi_wheel.so": _DRIVE,
     "libhusky_gazebo_plugins.so": _DRIVE._replace(publishes="odom joint_states", reads="cmd_vel"),
-    "libgazebo_ros_kobuki.so": Missing(
-        "drives this robot and reads its bumpers and cliff sensors", "it will not move",
-        "odom joint_states mobile_base/events/bumper", "mobile_base/commands/velocity", _DRIVES),
     "libgazebo_ros_create.so": Missing(
         "drives this robot and reads its bumpers", "it will not move", "odom joint_states", "cmd_vel", _DRIVES),
     "libgazebo_ros_force_based_move.so": _FORCE_DRIVE,
@@ -245,7 +240,7 @@ def explain(spec: PluginSpec, owner: str, namespace: Optional[str] = None) -> Tu
                         % ", ".join("%s (<%s>)" % (shorten(value), tag) for tag, value in named[:_MOST_TOPICS]))
     else:
         text.append("It %s; without it: %s." % (_filled(known.does, spec, "?"), known.follows))
-        scope = spec.find("robotNamespace") or namespace or (owner if known.by_model else "")
+        scope = spec.find("robotNamespace") or namespace or ""
         for verb, topics in (("published", known.publishes), ("subscribed", known.reads)):
             filled = [_filled(word, spec) for word in topics.split()]
             missing = [_in_namespace(scope, topic) for topic in filled if topic]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import zlib
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -72,6 +72,16 @@ class ModelContext(PluginContext):
 
     def first_link(self) -> str:
         return self._first.name if self._spec.scope else self._model.record.links[0].name
+
+    def find_sensor(self, name: str, kind: str) -> Tuple[Sensor, int, Tuple[str, ...]]:
+        sensors = [(sensor, link.name) for link in self._model.record.links for sensor in link.sensors]
+        for sensor, link in sensors:
+            if sensor.name == name and sensor.kind in (kind, "gpu_" + kind):
+                return sensor, self._model.handle.links[link], tuple(
+                    "%s::%s::%s" % (self._model.name, link, collision) for collision in sensor.contact_collisions)
+        raise PluginError("%s: \"%s\" is no sensor of type %s of %s (it has %s)" % (
+            self._spec.where, name, kind, self.model_name,
+            ", ".join("%s: %s" % (sensor.name, sensor.kind) for sensor, _ in sensors) or "none"))
 
     def joint(self, name: str) -> int:
         return self._number(self._model.handle.joints, "joint", name)
