@@ -29,7 +29,8 @@ name="{0}"><update_rate>50</update_rate><ray><scan><horizontal><samples>50</samp
 <max_angle>0.04</max_angle></horizontal></scan><range><min>0.01</min><max>0.15</max></range></ray></sensor></gazebo>"""
 REST = """<joint name="gyro_joint" type="fixed"><parent link="base_link"/><child link="gyro"/></joint>
 <link name="gyro"/><gazebo reference="gyro"><sensor type="imu" name="imu"/></gazebo>
-<gazebo reference="base_link"><sensor type="contact" name="bumpers"><contact><collision>base_footprint_fixed_joint_lump__base_collision</collision></contact></sensor>
+<gazebo reference="base_link"><sensor type="contact" name="bumpers"><contact>
+<collision>base_footprint_fixed_joint_lump__base_collision</collision></contact></sensor>
 </gazebo>"""
 PLUGIN = """<gazebo><plugin name="base" filename="libgazebo_ros_kobuki.so"><robotNamespace>/</robotNamespace>
 <publish_tf>1</publish_tf><left_wheel_joint_name>left_joint</left_wheel_joint_name><right_wheel_joint_name>right_joint
