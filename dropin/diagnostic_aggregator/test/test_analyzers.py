@@ -33,7 +33,7 @@ def test_what_belongs_to_no_group_is_in_other():
     assert made.worst(made.report(1.0)) == WARN
 
 
-def test_old_items_are_stale_and_a_stale_one_among_others_is_an_error():
+def test_old_items_are_stale_and_one_among_others_is_an_error():
     made = Aggregator(analyzers(a={"type": GENERIC, "path": "A", "startswith": "a", "timeout": 2.0}))
     made.add(Item("a1", OK, time=0.0))
     made.add(Item("a2", OK, time=3.0))

@@ -11,7 +11,7 @@ def event(value, kind, number, time=1):
     return struct.pack("=IhBB", time, value, kind, number)
 
 
-def test_the_first_events_tell_how_many_axes_and_buttons_there_are():
+def test_the_first_events_tell_how_many_axes_there_are():
     stick = Stick()
     assert stick.update(event(0, 0x81, 2) + event(0, 0x82, 1))
     assert (stick.axes, stick.buttons) == ([0.0, 0.0], [0, 0, 0])
