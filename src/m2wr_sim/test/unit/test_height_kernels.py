@@ -138,7 +138,7 @@ def test_wheels_roll_down_a_ramp_by_energy(make_engine, build, step_ms, cell):
 
 @pytest.mark.parametrize("step_ms", [1, 10])
 def test_a_robot_rests_on_a_slope_of_20_degrees(make_engine, build, m2wr, step_ms):
-    """What is left is the compliance of the contacts: both wheels creep by ``cfm`` times the force of each."""
+    """What is left is the compliance of the motors of the wheels: each turns by ``cfm`` times its torque."""
     tilt = math.radians(20.0)
     slope = build.one_link("slope", field_of(lambda x, y: math.tan(tilt) * x + 0.0 * y, cell=0.05), build.at(),
                            surface=ROUGH)
@@ -151,8 +151,8 @@ def test_a_robot_rests_on_a_slope_of_20_degrees(make_engine, build, m2wr, step_m
     before = engine.link_state(handle.links["link_chassis"])
     engine.step(1000 // step_ms)
     after = engine.link_state(handle.links["link_chassis"])
-    pull = 6.4 * GRAVITY * math.sin(tilt) / 2.0
-    assert math.dist(before.position, after.position) < 1.2 * engine.settings.cfm * pull
+    torque = RADIUS * 6.4 * GRAVITY * math.sin(tilt) / 2.0
+    assert math.dist(before.position, after.position) < 1.2 * engine.settings.cfm * torque * RADIUS < 1.5e-6
 
 
 def test_the_edge_of_a_heightmap_carries_the_belly_of_a_box(make_engine, build):

@@ -31,6 +31,9 @@ MODE_APPROX1 = 0x7000       # friction proportional to the normal force; ODE 0.1
 
 MIN_SOFT_CFM = 1e-6         # with stiffer contacts the direct solver becomes inaccurate
 HEAVY = 100.0               # kg; above, the stiffness of contacts is proportional to the mass
+# m/s/N, of friction on heightmaps, in place of the world's compliance: what stands on a slope would creep by 0.1 mm a
+# second.  At walls that compliance lets a robot come down that has jammed with its nose up, so other shapes keep it.
+GROUND_SLIP = 1e-9
 BOX_CONTACTS = 4            # one for each corner of a face
 MESH_CONTACTS = 8           # for shapes made of triangles, each of which may give several contacts
 MERGE_ALL, MERGE_FACES, MERGE_DEEPEST = 1, 2, 3
@@ -103,6 +106,9 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
         mode |= MODE_SLIP1
     if slip2 > 0.0 and mu2 > 0.0:
         mode |= MODE_SLIP2
+    if not both_move and any(isinstance(side.geometry, Heightmap) for side in (first, second)):
+        mode |= MODE_SLIP1 | MODE_SLIP2         # in place of the compliance of the world
+        slip1, slip2 = max(slip1, GROUND_SLIP), max(slip2, GROUND_SLIP)
     bounce = min(one.restitution, two.restitution)
     if bounce > 0.0:
         mode |= MODE_BOUNCE
