@@ -173,6 +173,7 @@ LAUNCH_FILES = {
     "m2wr_sim/best_path.launch": ["gui:=false", "record:=run.bag", "memory:=memory"],
     "m2wr_sim/explore.launch": ["gui:=false", "record:=run.bag", "map:=plan"],
     "m2wr_sim/sim.launch": ["gui:=false", "record:=run.bag"],
+    "m2wr_sim/rough.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/robots.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/record.launch": [],
     "m2wr_sim/click_obstacles.launch": [],

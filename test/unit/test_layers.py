@@ -85,6 +85,9 @@ RULES = (
     Rule("m2wr_campaign/study/*.py", {"numpy", "yaml"}, False, True, ("m2wr_campaign.store", "m2wr_campaign.runner")),
     Rule("m2wr_campaign/terrain/*.py", {"numpy", "PIL"}, False, True, tuple(
         "m2wr_campaign." + layer for layer in ("grading", "programs", "report", "runner", "store", "study", "worlds"))),
+    Rule("m2wr_campaign/rough/*.py", {"numpy", "matplotlib"}, False, True, tuple(
+        "m2wr_campaign." + layer for layer in ("grading", "programs", "report", "runner", "store", "study", "worlds"))),
+    Rule("m2wr_campaign/ros/*.py", {"numpy", "rospy"}, True, False, ()),
     Rule("m2wr_campaign/worlds/*.py", NUMERIC, False, True,
          ("m2wr_campaign.study", "m2wr_campaign.store", "m2wr_campaign.runner")),
     Rule("m2wr_campaign/store/*.py", {"numpy", "pyarrow"}, False, True, ("m2wr_campaign.runner",)),

@@ -40,6 +40,11 @@ class DirectDrive(DiffDrive):
         self.timely = True
         super().configure(spec, ctx)
 
+    @property
+    def wheel_radius(self) -> float:
+        """Radius by which commands become wheel speeds [m]."""
+        return self._radius
+
     def measure_now(self, now_ns: int) -> Odometry:
         """Measure and return the odometry at ``now_ns`` [ns], also between two updates."""
         self.odometry = Odometry(now_ns / 1e9, *self._values())

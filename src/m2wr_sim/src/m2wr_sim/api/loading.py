@@ -22,7 +22,8 @@ from m2wr_sim.model.xml.safe import errors_as
 
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.
-ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro")}
+ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro"),
+          "m2wr_rough": ("m2wr_description", "urdf/m2wr_rough.xacro")}
 
 
 _MOST_COLLISIONS = 200000       # in the worlds, and in the robots, that are kept; one takes about 2 kB
@@ -118,8 +119,8 @@ def read_robot(robot: Union[Model, str, os.PathLike[str]], arguments: Optional[D
     Parameters
     ----------
     robot : Model, str or Path
-        A record (returned as it is), the name of a robot of this workspace (``m2wr``), the path of a URDF, xacro or
-        SDF file, or the text of one. A file is expanded by xacro where it needs to be, text only if ``arguments`` are
+        A record (returned as it is), the name of a robot of this workspace (``m2wr``, ``m2wr_rough``), the path of a
+        URDF, xacro or SDF file, or the text of one. A file is expanded by xacro where it needs to be, text only if ``arguments`` are
         given: xacro runs code.
     arguments : dict, optional
         Values of xacro arguments, by name.
