@@ -81,15 +81,19 @@ def test_a_robot_that_no_description_fits_has_its_own_looks():
     assert model.problems == ["mesh file:///nowhere.stl of link body: no such file"]
     scene = scene_with_robot(("van::body", "van::wheel", "cart::base"), ((1, 2, 0), (3, 2, 0), (9, 9, 0)))
     read = []
-    scene.take_looks({"van": lambda: model, "cart": lambda: read.append("cart")})
+    scene.take_looks({"van": lambda: model, "cart": lambda: read.append("cart")}, ("van", "cart"))
     scene.update()
     assert not read and sorted(scene.robots) == ["cart", "van"]
     assert [shape.owner for shape in scene.robots["van"].model.shapes] == ["body", "wheel"]
     assert scene.robots["van"].poses["wheel"][:3, 3] == pytest.approx((3, 2, 0))
     van = scene.robots["van"]
-    scene.take_looks({"van": lambda: model})
+    scene.take_looks({"van": lambda: model}, ("van",))
     scene.update()
-    assert scene.robots["van"] is van
+    assert scene.robots["van"] is van and not scene.models_with_looks
+    scene.take_looks({"van": lambda: model, "shed": lambda: model, "cart": lambda: model}, ())
+    scene.update()      # no other model is shown by its looks, as not all of their links have poses
+    assert sorted(scene.robots) == ["cart"] and list(scene.models_with_looks) == ["van"]
+    assert scene.models_with_looks["van"].poses["wheel"][:3, 3] == pytest.approx((3, 2, 0))
 
 
 def test_without_true_poses_robots_are_where_tf_says():

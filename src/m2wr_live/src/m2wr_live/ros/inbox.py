@@ -31,7 +31,7 @@ _EVERY = 500                # kept transforms, points and the like until the nex
 _NAMED = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", "/tf_static": "tf2_msgs/TFMessage",
           "/gazebo/world_markers": "visualization_msgs/MarkerArray",
           "/gazebo/ground_markers": "visualization_msgs/MarkerArray",
-          "/gazebo/robot_markers": "visualization_msgs/MarkerArray", "/robot_description": "std_msgs/String",
+          "/gazebo/visual_markers": "visualization_msgs/MarkerArray", "/robot_description": "std_msgs/String",
           "/gazebo/link_states": "gazebo_msgs/LinkStates", "/gazebo/robot_states": "gazebo_msgs/ModelStates",
           "/bug2/state": "std_msgs/String", "/bug2/hit_point": "geometry_msgs/PointStamped",
           "/bug2/leave_point": "geometry_msgs/PointStamped", "/diagnostics": "diagnostic_msgs/DiagnosticArray",
@@ -39,6 +39,7 @@ _NAMED = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", "/tf_sta
 #: Topics of which every message counts.
 _ALL = ("/tf", "/tf_static", "/bug2/hit_point", "/bug2/leave_point", "/diagnostics", "map_msgs/OccupancyGridUpdate",
         "visualization_msgs/MarkerArray")
+MODEL = "model"             # text of a visual marker that is no robot's
 _MARKERS = "visualization_msgs/MarkerArray"
 #: Types whose topics are all shown: greatest rate [Hz] at which they are read.
 SHOWN = {"sensor_msgs/LaserScan": 10.0, "nav_msgs/Path": 2.0, "nav_msgs/OccupancyGrid": 1.0,
@@ -117,7 +118,7 @@ class Inbox:
             "/tf_static": lambda _, message: scene.take_transforms(message),
             "/gazebo/world_markers": self._take_markers, "/robot_description": self._take_description,
             "/gazebo/ground_markers": lambda _, message: scene.take_ground(message),
-            "/gazebo/robot_markers": self._take_looks,
+            "/gazebo/visual_markers": self._take_looks,
             "/gazebo/robot_states": self._take_states, "/gazebo/link_states": self._take_states,
             "/bug2/state": lambda _, message: setattr(scene, "state", message.data[:100]),
             "/bug2/hit_point": lambda _, message: scene.take_mark(False, message.point),
@@ -264,7 +265,7 @@ class Inbox:
         self._scene.take_description(source, model)
 
     def _take_looks(self, _: str, message: Any) -> None:
-        """Take the looks of robots; their meshes are read only if no description fits."""
+        """Take the looks of models; meshes of robots are read only if no description fits."""
         grouped: Dict[str, List[Any]] = {}
         for marker in message.markers:
             if marker.ns:
@@ -274,7 +275,8 @@ class Inbox:
             old = before.get(name)
             self._looks[name] = old if old is not None and old[0] == markers else (
                 markers, functools.lru_cache(maxsize=None)(functools.partial(self._read_looks, name, markers)))
-        self._scene.take_looks({name: read for name, (_, read) in self._looks.items()})
+        robots = {name for name, (own, _) in self._looks.items() if own[0].text != MODEL}
+        self._scene.take_looks({name: read for name, (_, read) in self._looks.items()}, robots)
 
     def _read_looks(self, name: str, markers: List[Any]) -> RobotModel:
         model = read_looks(name, markers, self._find_mesh)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Collection, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -85,6 +85,8 @@ class LiveScene:
     now : float
         Simulated time [s].
     robots : dict of str to Robot
+    models_with_looks : dict of str to Robot
+        Other models that have looks of their own, instead of markers.
     beams : dict of str to (n, 2, 3) float64
         Beams by topic: where they start and end [m].
     paths, particles : dict of str to (n, 3) float64
@@ -111,7 +113,9 @@ class LiveScene:
         self.markers, self.frames = MarkerShapes(), Frames()
         self.robots: Dict[str, Robot] = {}
         self.models: Dict[str, RobotModel] = {}
-        self._looks: Dict[str, Callable[[], RobotModel]] = {}       # by name of the robot
+        self._looks: Dict[str, Callable[[], RobotModel]] = {}       # by name of the model
+        self._robot_names: Set[str] = set()
+        self.models_with_looks: Dict[str, Robot] = {}
         self._link_poses: Dict[str, FloatArray] = {}        # (4, 4)
         self.beams: Dict[str, FloatArray] = {}
         self.paths: Dict[str, FloatArray] = {}
@@ -175,15 +179,18 @@ class LiveScene:
         self.models[source] = model
         self._known = None
 
-    def take_looks(self, looks: Dict[str, Callable[[], RobotModel]]) -> None:
-        """Take the looks of the robots of the simulation; they are for those that no description fits.
+    def take_looks(self, looks: Dict[str, Callable[[], RobotModel]], robots: Collection[str]) -> None:
+        """Take the looks of models of the simulation; those of robots are for robots that no description fits.
 
         Parameters
         ----------
         looks : dict of str to callable
-            By name of the robot; read when they are needed.
+            By name of the model; read when they are needed.
+        robots : collection of str
+            Names of those that are robots.
         """
         self._looks, self._known = looks, None
+        self._robot_names = set(robots)
 
     def take_transforms(self, message: Any) -> None:
         """Take a tf2_msgs/TFMessage; transforms that are not finite are ignored."""
@@ -342,6 +349,8 @@ class LiveScene:
         for robot in self.robots.values():
             self._place(robot)
             robot.follow(self.relief)
+        for model in self.models_with_looks.values():
+            self._place(model)
 
     def _find_robots(self) -> None:
         """Find the robots that the descriptions fit: models with such links, otherwise frames with such names."""
@@ -362,14 +371,23 @@ class LiveScene:
                     prefix = frame[:len(frame) - len(model.root)]
                     if frame.endswith(model.root) and prefix in ("", frame.rpartition("/")[0] + "/"):
                         found[prefix.strip("/") or model.name] = (prefix, model)
-        for name in set(self._looks) & set(links) - set(found):
+        for name in set(self._looks) & self._robot_names & set(links) - set(found):
             found[name] = ("", self._looks[name]())
+        self._find_looks(links)
         before = self.robots
         self.robots = {}
         for name, (prefix, model) in sorted(found.items()):
             old = before.get(name)
             self.robots[name] = old if old is not None and old.prefix == prefix and old.model is model else Robot(
                 name, prefix, model)
+
+    def _find_looks(self, links: Dict[str, List[str]]) -> None:
+        """Find the models that are shown by their looks: all their links have poses."""
+        before, self.models_with_looks = self.models_with_looks, {}
+        for name in sorted(set(self._looks) & set(links) - self._robot_names):
+            model, old = self._looks[name](), before.get(name)
+            if model.shapes and set(model.links) <= set(links[name]):
+                self.models_with_looks[name] = old if old is not None and old.model is model else Robot(name, "", model)
 
     def _place(self, robot: Robot) -> None:
         """Compute the link poses: the true ones, those of fixed joints, then those of tf, else joints are at 0."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
+import re
 import xml.etree.ElementTree as ElementTree
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -22,6 +24,8 @@ log = logging.getLogger("m2wr_live")
 LARGEST_TEXT = 8388608      # characters of a description, as the simulator's services accept
 LARGEST_MESH = 1 << 26      # bytes of a mesh file; larger ones would take a browser minutes
 MOST_FACES = 200000         # of one mesh
+_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([0-9.eE+-]+)")
+_HEAD = 1 << 16             # bytes of a COLLADA file in which its unit is
 MESH_RESOURCE = 10          # of visualization_msgs/Marker
 _GREY = (0.6, 0.6, 0.6, 1.0)
 #: Colours of Gazebo's materials that descriptions use.
@@ -89,6 +93,8 @@ def load_mesh(path: str, own_colours: bool = False) -> Geometry:
         if size > LARGEST_MESH:
             raise ViewError("mesh %s: it has %d bytes; expected at most %d" % (path, size, LARGEST_MESH))
         scene = trimesh.load(path, force="scene")
+        if path.lower().endswith(".dae"):
+            scene.apply_scale(_unit(path))
         mesh = scene.to_mesh()
         vertices, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32)
     except ViewError:
@@ -101,11 +107,29 @@ def load_mesh(path: str, own_colours: bool = False) -> Geometry:
     return Geometry(vertices, faces, coloured=_coloured(scene) if own_colours else b"")
 
 
+def _unit(path: str) -> float:
+    """Return the unit of a COLLADA file [m], which trimesh leaves to its caller."""
+    with open(path, "rb") as stream:
+        found = _UNIT.search(stream.read(_HEAD))
+    size = float(found.group(1)) if found else 1.0
+    return size if 0.0 < size < math.inf else 1.0
+
+
+def _matt(material: Any) -> Any:
+    """Return a material without a metallic sheen, which is black where there is no environment map to be reflected."""
+    found = material.to_pbr() if hasattr(material, "to_pbr") else material
+    found.metallicFactor, found.roughnessFactor, found.metallicRoughnessTexture = 0.0, 1.0, None
+    return found
+
+
 def _coloured(scene: trimesh.Scene) -> bytes:
     """Return a scene with its colours as binary glTF; empty if it has none, or is too large with its textures."""
     if not any(getattr(part.visual, "kind", None) for part in scene.geometry.values()):
         return b""
     try:
+        for part in scene.geometry.values():
+            if getattr(part.visual, "kind", None) == "texture":
+                part.visual.material = _matt(part.visual.material)
         content: bytes = scene.export(file_type="glb")
     except Exception as error:      # a texture may be of any kind; the mesh is shown in one colour
         log.debug("mesh: its colours cannot be used (%s: %s)", type(error).__name__, error)

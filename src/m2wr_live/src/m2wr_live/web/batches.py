@@ -9,11 +9,48 @@ import numpy as np
 from m2wr_live.scene.shapes import quaternions_of
 
 if TYPE_CHECKING:
+    from m2wr_live.scene.live_scene import Robot
     from m2wr_live.scene.shapes import Geometry, Shape
     from m2wr_view.array_types import FloatArray
 
 
+_BELOW = -1e3           # m; a height that no camera shows
 MOST_SHADOWS = 200          # shapes of a geometry that cast shadows; those that do are drawn four times
+
+
+class LinkShapes:
+    """Shapes of models that move with their links.
+
+    Parameters
+    ----------
+    models : sequence of Robot
+
+    Attributes
+    ----------
+    shapes : list of (Robot, Shape)
+    """
+
+    def __init__(self, models: Sequence[Robot]) -> None:
+        self.shapes = [(model, shape) for model in models for shape in model.model.shapes]
+        self._offsets = np.array([shape.pose for _, shape in self.shapes]).reshape(-1, 4, 4)
+
+    def poses(self) -> FloatArray:
+        """Return the poses (n, 4, 4) of the shapes; one whose link's pose is not known is below the floor."""
+        hidden = np.eye(4)
+        hidden[2, 3] = _BELOW
+        links = [model.poses.get(shape.owner, hidden) for model, shape in self.shapes]
+        found: FloatArray = np.einsum("nij,njk->nik", np.array(links).reshape(-1, 4, 4), self._offsets)
+        return found
+
+    def draw(self, batches: Batches, geometries: Mapping[str, Geometry]) -> None:
+        """Replace the shapes of ``batches`` by these.
+
+        Parameters
+        ----------
+        batches : Batches
+        geometries : mapping of str to Geometry
+        """
+        batches.set_shapes([shape for _, shape in self.shapes], geometries, self.poses())
 
 
 class Batches:

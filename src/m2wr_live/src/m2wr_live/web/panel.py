@@ -219,7 +219,7 @@ class Panel:
         """Return the name of the model that a ray meets first, or None."""
         picture = self._picture
         shapes, poses = list(picture.source.markers.shapes), list(picture.world_poses())
-        for (robot, shape), pose in zip(picture.robot_shapes, picture.robot_poses()):
+        for (robot, shape), pose in zip(picture.robot_shapes.shapes, picture.robot_shapes.poses()):
             shapes.append(shape._replace(owner=robot.name))
             poses.append(pose)
         return first_hit(origin, direction, shapes, poses, picture.geometries)

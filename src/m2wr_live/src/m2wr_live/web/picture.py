@@ -2,13 +2,13 @@
 """Draws a :class:`~m2wr_live.scene.live_scene.LiveScene` with viser; only what has changed is sent."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
 import numpy as np
 
 from m2wr_live.scene.shapes import UNITS, Geometry, quaternions_of
 from m2wr_live.web.annotation_picture import AnnotationPicture, node_name
-from m2wr_live.web.batches import Batches
+from m2wr_live.web.batches import Batches, LinkShapes
 from m2wr_live.web.layers import LAYERS
 from m2wr_live.web.map_pixels import pixels_of
 from m2wr_live.web.segments import Segments
@@ -16,7 +16,6 @@ from m2wr_live.web.trail_picture import TrailPicture
 
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
-    from m2wr_live.scene.shapes import Shape
     from m2wr_view.array_types import FloatArray
 
 GROUND = 0.004              # m; height at which maps are drawn, above the grid
@@ -52,8 +51,8 @@ class Picture:
 
     Attributes
     ----------
-    robot_shapes : list of (Robot, Shape)
-        Of all robots, in the order in which they are drawn.
+    robot_shapes : LinkShapes
+        Of all robots.
     """
 
     def __init__(self, scene: Any, source: LiveScene) -> None:
@@ -67,8 +66,8 @@ class Picture:
         for name in [name for _, name in LAYERS] + ["names"]:
             scene.add_frame("/" + name, show_axes=False)
         self.world, self._robots = Batches(scene, "/world"), Batches(scene, "/robots")
-        self.robot_shapes: List[Tuple[Robot, Shape]] = []
-        self._offsets: FloatArray = np.zeros((0, 4, 4))
+        self._looks, self._look_shapes = Batches(scene, "/looks"), LinkShapes([])
+        self.robot_shapes = LinkShapes([])
         self._drawn: Dict[str, object] = {}
         self._nodes: Dict[str, Any] = {}
         self._number = 0                    # of the picture
@@ -112,7 +111,7 @@ class Picture:
         """All geometries of the scene."""
         found = dict(UNITS)
         found.update(self.source.markers.geometries)
-        for robot in self.source.robots.values():
+        for robot in list(self.source.robots.values()) + list(self.source.models_with_looks.values()):
             found.update(robot.model.geometries)
         return found
 
@@ -120,17 +119,17 @@ class Picture:
         """Return the poses (n, 4, 4) of the shapes of the world."""
         return np.array([shape.pose for shape in self.source.markers.shapes]).reshape(-1, 4, 4)
 
-    def robot_poses(self) -> FloatArray:
-        """Return the poses (n, 4, 4) of ``robot_shapes``; a shape whose link's pose is not known is below the floor."""
-        hidden = np.eye(4)
-        hidden[2, 3] = -1e3
-        links = [robot.poses.get(shape.owner, hidden) for robot, shape in self.robot_shapes]
-        return np.einsum("nij,njk->nik", np.array(links).reshape(-1, 4, 4), self._offsets)
-
     def _draw_world(self) -> None:
-        markers = self.source.markers
-        if self._changed("world", markers.version):
-            self.world.set_shapes(markers.shapes, self.geometries, self.world_poses())
+        """Draw the markers, but for models that have looks of their own."""
+        markers, models = self.source.markers, dict(self.source.models_with_looks)
+        if self._changed("looks", *map(_Held, models.values())):
+            self._look_shapes = LinkShapes(list(models.values()))
+            self._look_shapes.draw(self._looks, self.geometries)
+        elif models:
+            self._looks.move(self._look_shapes.poses())
+        if self._changed("world", markers.version, tuple(models)):
+            shapes = [shape for shape in markers.shapes if shape.owner not in models]
+            self.world.set_shapes(shapes, self.geometries, np.array([shape.pose for shape in shapes]).reshape(-1, 4, 4))
 
     def _draw_relief(self) -> None:
         """Draw ground that is not level instead of the grid, which would lie above its hollows."""
@@ -145,12 +144,11 @@ class Picture:
     def _draw_robots(self) -> None:
         robots = list(self.source.robots.values())
         if self._changed("robots", *map(_Held, robots)):
-            self.robot_shapes = [(robot, shape) for robot in robots for shape in robot.model.shapes]
-            self._offsets = np.array([shape.pose for _, shape in self.robot_shapes]).reshape(-1, 4, 4)
-            self._robots.set_shapes([shape for _, shape in self.robot_shapes], self.geometries, self.robot_poses())
+            self.robot_shapes = LinkShapes(robots)
+            self.robot_shapes.draw(self._robots, self.geometries)
             self._draw_names(robots)
         elif robots:
-            self._robots.move(self.robot_poses())
+            self._robots.move(self.robot_shapes.poses())
 
     def _place_names(self) -> None:
         for robot in self.source.robots.values():

@@ -34,8 +34,8 @@ from m2wr_sim.ros.lockstep_ports import LockstepPorts, lockstep_settings
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import NodeConfig, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts, RosSimulator
-from m2wr_sim.ros.robot_markers import RobotMarkers
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
+from m2wr_sim.ros.visual_markers import VisualMarkers
 from m2wr_sim.ros.world_markers import DescriptionTopic, GroundMarkers, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
@@ -227,7 +227,7 @@ def _network(config: NodeConfig, simulator: RosSimulator, factor: float, folders
 
 
 def _view_topics(simulator: Simulator, config: NodeConfig
-                 ) -> Tuple[WorldMarkers, GroundMarkers, RobotMarkers, DescriptionTopic]:
+                 ) -> Tuple[WorldMarkers, GroundMarkers, VisualMarkers, DescriptionTopic]:
     """Add what viewers and recordings need: markers, true states of robots, description (docs/reference/topics.md)."""
     markers = WorldMarkers(simulator, LatchedPort(simulator.ports, "~world_markers", MarkerArray),
                            config.world_markers_frame, config.world_markers_rate)
@@ -238,8 +238,8 @@ def _view_topics(simulator: Simulator, config: NodeConfig
     truth = simulator.ports.advertise("~robot_states", ModelStates, 10, "")
     simulator.add_observer(WorldStates(simulator, truth, LocalPort("", listening=False), _TRUTH_RATE, is_robot),
                            "true states of robots")
-    looks = RobotMarkers(simulator, LatchedPort(simulator.ports, "~robot_markers", MarkerArray))
-    simulator.add_observer(looks, "looks of robots")
+    looks = VisualMarkers(simulator, LatchedPort(simulator.ports, "~visual_markers", MarkerArray))
+    simulator.add_observer(looks, "looks of models")
     return markers, ground, looks, DescriptionTopic(simulator)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Topic with the looks of all robots, for viewers that have no description of them: those in SDF have none."""
+"""Topic with the looks of models, where collision shapes do not have them: robots, and models with meshes."""
 from typing import Any, List, Optional, Tuple
 
 from visualization_msgs.msg import Marker, MarkerArray
@@ -10,7 +10,8 @@ from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.ros.world_markers import MATERIALS, OTHER_COLOUR, is_robot, marker_of
 from m2wr_sim.runtime.simulator import Simulator
 
-MOST = 2000             # markers of all robots together
+MOST = 2000             # markers of all models together
+ROBOT, MODEL = "robot", "model"         # text of a marker: what it is a part of
 
 
 def colour_of(visual: Visual) -> Tuple[float, ...]:
@@ -38,8 +39,14 @@ def visual_marker(visual: Visual) -> Optional[Marker]:
     return marker
 
 
-def robot_markers(name: str, record: Model) -> List[Marker]:
-    """Return the markers of one robot: ``ns`` is its name, ``frame_id`` its name, ``::`` and the link's.
+def has_looks(record: Model) -> bool:
+    """Return whether the visuals of a model are published: it is a robot, or one of them is the mesh of a file."""
+    return is_robot(record) or any(isinstance(visual.geometry, MeshFile) for link in record.links
+                                   for visual in link.visuals)
+
+
+def visual_markers(name: str, record: Model) -> List[Marker]:
+    """Return the markers of a model: ``ns`` is its name, ``frame_id`` its name, ``::`` and the link's.
 
     Parameters
     ----------
@@ -52,14 +59,14 @@ def robot_markers(name: str, record: Model) -> List[Marker]:
         for visual in link.visuals:
             marker = visual_marker(visual)
             if marker is not None:
-                marker.ns, marker.id = name, len(found)
+                marker.ns, marker.id, marker.text = name, len(found), ROBOT if is_robot(record) else MODEL
                 marker.header.frame_id = "%s::%s" % (name, link.name)
                 found.append(marker)
     return found
 
 
-class RobotMarkers(Plugin):
-    """Publishes the looks of all robots whenever one was added or removed.
+class VisualMarkers(Plugin):
+    """Publishes the looks of robots and of models with meshes whenever one was added or removed.
 
     Parameters
     ----------
@@ -95,11 +102,11 @@ class RobotMarkers(Plugin):
         """Publish the markers again if a model was added or removed."""
         if not self._changed():
             return
-        before = [model for model in self._models if is_robot(model.record)]
+        before = [model for model in self._models if has_looks(model.record)]
         self._models = list(self._simulator.models.values())
-        robots = [model for model in self._models if is_robot(model.record)]
-        if robots != before:
-            found = [marker for model in robots for marker in robot_markers(model.name, model.record)]
+        shown = [model for model in self._models if has_looks(model.record)]
+        if shown != before:
+            found = [marker for model in shown for marker in visual_markers(model.name, model.record)]
             self._port.publish(MarkerArray([Marker(action=Marker.DELETEALL)] + found[:MOST]))
 
     def reset(self, now_ns: int, rewound: bool) -> None:
