@@ -24,6 +24,8 @@ class Live(LiveChanges):
         page = self.page
         commands = Recorder("/cmd_vel", Twist)
         wait_until(page.joystick, "the joystick")
+        for choice in ("send a goal", "select and drag"):       # a list that was used does not keep the arrow keys
+            page.choose(choice)
         before = page.scene()
         page.press("ArrowUp", True)
         commands.wait(lambda messages: messages[-1].linear.x == 0.5, "a command to drive")

@@ -92,6 +92,15 @@
   window.addEventListener("blur", release);
   document.addEventListener("visibilitychange", () => { if (document.hidden) { release(); } });
 
+  // A list keeps the focus after a choice, and would take the arrow keys.
+  const leave = () => { if (typing(document.activeElement)) { document.activeElement.blur(); } };
+  document.addEventListener("click", (event) => {
+    if (event.target instanceof Element && event.target.closest("[role=option]")) { setTimeout(leave, 0); }
+  }, true);
+  document.addEventListener("pointerdown", (event) => {
+    if (event.target instanceof HTMLCanvasElement) { leave(); }
+  }, true);
+
   const steer = (event) => {
     const box = pad.getBoundingClientRect(), reach = box.width / 2 - 12;
     let x = (event.clientX - box.left - box.width / 2) / reach, y = (event.clientY - box.top - box.height / 2) / reach;

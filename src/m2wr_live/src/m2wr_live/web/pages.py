@@ -29,6 +29,10 @@ LISTS = "Nodes, frames, parameters"
 _PROBLEMS = 3               # lines of the status
 _PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
 
+#: The least range of values is from 0 to 0.1; a robot at rest would have an axis of numbers that are all written "0".
+_SCALES = {"x": {"time": False}, "y": {"range": {"min": {"pad": 0.0, "soft": 0.0, "mode": 1},
+                                                 "max": {"pad": 0.1, "soft": 0.11, "mode": 1}}}}
+
 
 class Pages:
     """Draws a scene for all pages.
@@ -66,7 +70,7 @@ class Pages:
             for title, _, colour in _PLOTS:
                 self._plots.append(gui.add_uplot(
                     (empty, empty), ({"label": "t [s]"}, {"label": title, "stroke": colour, "width": 2}), title=title,
-                    scales={"x": {"time": False}}, height=130, legend={"show": False}))
+                    scales=_SCALES, height=130, legend={"show": False}))
         self._table_folder = gui.add_folder("Paths to choose from", order=5, visible=False)
         with self._table_folder:
             self._table = gui.add_html("")
