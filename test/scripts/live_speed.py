@@ -6,7 +6,7 @@
 
 pages      ten robots at real-time factor 1: processor time of simulation and live view, updates a second that pages get
 keys       from a page's message, and from a key in Chromium, to a wheel that moves
-lockstep   processor time of the simulation for a whole run of Bug 2 at full speed
+lockstep   processor time of the simulation for a whole run of Bug 2 at full speed, on a core of its own
 obstacles  from the address to a picture of 1000 obstacles in a headless Chromium without a GPU
 """
 import argparse
@@ -28,7 +28,7 @@ WINDOW = 10.0               # s for which updates and processor time are counted
 SETTLE = 6.0                # s before it, in which robots and pages start
 KEYS = 40                   # times that a key is pressed
 PHASE = 0.1                 # s between two updates of the drive, in which a key is pressed at any time
-ROUNDS = 3                  # of the runs in lockstep
+ROUNDS = 4                  # of the runs in lockstep
 OBSTACLES, SIDE = 1000, 32  # how many, and along a side of their field
 #: What is measured: words of roslaunch.
 ROBOTS = ("robots.launch", "robots:=10", "controller:=wander", "world:=world01", "gui:=false")
@@ -224,18 +224,30 @@ def measure_keys():
             row("a key in Chromium", lambda pressed: browser.press("ArrowUp", pressed))
 
 
+def run_alone_on(core, pid):
+    """Let all threads of a process, and those that they start, run on one core."""
+    for thread in os.listdir("/proc/%d/task" % pid):
+        os.sched_setaffinity(int(thread), {core})
+
+
 def run_of_bug2(pages, words=()):
-    """Run Bug 2 in lockstep; return the processor time of the simulation [s]."""
+    """Run Bug 2 in lockstep; return the processor time of the simulation [s], which has a core of its own."""
     from live_pages import address_of
-    with launched(*BUG2 + words) as run:
-        sim, used, many = pid_of("/gazebo"), 0.0, None
-        while run.process.poll() is None:
-            used = processor_seconds(sim) or used
-            if pages and many is None and "live view: http" in run.text:
-                many = pages_of(address_of(run), pages)
-            time.sleep(0.02)
-        if many is not None:
-            end(many)
+    first, *others = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, others or {first})          # this program, and all that it starts
+    try:
+        with launched(*BUG2 + words) as run:
+            sim, used, many = pid_of("/gazebo"), 0.0, None
+            run_alone_on(first, sim)
+            while run.process.poll() is None:
+                used = processor_seconds(sim) or used
+                if pages and many is None and "live view: http" in run.text:
+                    many = pages_of(address_of(run), pages)
+                time.sleep(0.02)
+            if many is not None:
+                end(many)
+    finally:
+        os.sched_setaffinity(0, {first, *others})
     return used
 
 
@@ -246,26 +258,18 @@ def end(process):
     process.stdout.close()
 
 
-def beside_busy():
-    """Run Bug 2 in lockstep beside a program that only keeps a core busy."""
-    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"], stdout=subprocess.PIPE)
-    try:
-        return run_of_bug2(0)
-    finally:
-        end(busy)
-
-
 def measure_lockstep():
-    """Print the processor time of the simulation: alone, with a live view, with ten pages, beside a busy program."""
-    cases = {"alone": lambda: run_of_bug2(0), "with a live view": lambda: run_of_bug2(0, ("live:=true",)),
-             "with ten pages": lambda: run_of_bug2(10, ("live:=true",)), "beside a busy program": beside_busy}
+    """Print the processor time of the simulation: alone, with a live view, with ten pages, in turns."""
+    cases = {"alone": (0,), "with a live view": (0, ("live:=true",)), "with ten pages": (10, ("live:=true",))}
     found = {name: [] for name in cases}
     for _ in range(ROUNDS):
-        for name, run in cases.items():
-            found[name].append(run())
+        for name, arguments in cases.items():
+            found[name].append(run_of_bug2(*arguments))
     for name, times in found.items():
-        print("lockstep %-21s median %.2f s of processor time, %.2f to %.2f, %s" % (
-            name, statistics.median(times), min(times), max(times), load()), flush=True)
+        shares = [mine / alone for mine, alone in zip(times, found["alone"])]
+        print("lockstep %-16s %.2f s of processor time, %.2f to %.2f; of its pair alone %.3f, %.3f to %.3f, %s" % (
+            name, statistics.median(times), min(times), max(times), statistics.median(shares), min(shares),
+            max(shares), load()), flush=True)
 
 
 def world_file(folder, count):

@@ -84,6 +84,12 @@ def test_a_robot_that_no_description_fits_has_its_own_looks():
     scene.take_looks({"van": lambda: model, "cart": lambda: read.append("cart")}, ("van", "cart"))
     scene.update()
     assert not read and sorted(scene.robots) == ["cart", "van"]
+    scene.take_links(["van", "cart::base"], np.array([(1, 2, 0) + LEFT, (9, 9, 0) + LEFT], dtype=float))
+    scene.update()
+    assert sorted(scene.robots) == ["cart"]         # where its wheel is is not known
+    scene.take_links(["van::body", "van::wheel", "cart::base"], np.array([place + LEFT for place in (
+        (1, 2, 0), (3, 2, 0), (9, 9, 0))], dtype=float))
+    scene.update()
     assert [shape.owner for shape in scene.robots["van"].model.shapes] == ["body", "wheel"]
     assert scene.robots["van"].poses["wheel"][:3, 3] == pytest.approx((3, 2, 0))
     van = scene.robots["van"]

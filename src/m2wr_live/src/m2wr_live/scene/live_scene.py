@@ -371,8 +371,10 @@ class LiveScene:
                     prefix = frame[:len(frame) - len(model.root)]
                     if frame.endswith(model.root) and prefix in ("", frame.rpartition("/")[0] + "/"):
                         found[prefix.strip("/") or model.name] = (prefix, model)
-        for name in set(self._looks) & self._robot_names & set(links) - set(found):
-            found[name] = ("", self._looks[name]())
+        for name in sorted(set(self._looks) & self._robot_names & set(links) - set(found)):
+            model = self._looks[name]()
+            if set(model.links) <= set(links[name]):        # where joints are is not known from looks
+                found[name] = ("", model)
         self._find_looks(links)
         before = self.robots
         self.robots = {}
