@@ -4,6 +4,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=['m2wr_campaign'] + ['m2wr_campaign.' + layer for layer in (
-        'grading', 'programs', 'report', 'ros', 'rough', 'runner', 'store', 'study', 'terrain', 'worlds')],
+        'faults', 'grading', 'programs', 'report', 'ros', 'rough', 'runner', 'store', 'study', 'terrain', 'worlds')],
     package_dir={'': 'src'},
 ))

@@ -82,6 +82,8 @@ RULES = (
     Rule("m2wr_bridge/foxglove/*.py", {"msgspec"}, False, True, ("m2wr_bridge.ros",)),
     Rule("m2wr_bridge/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_bridge/*.py", set(), False, True, ("m2wr_bridge.*",)),
+    Rule("m2wr_campaign/faults/*.py", {"numpy"}, False, True, tuple(
+        "m2wr_campaign." + layer for layer in ("grading", "programs", "report", "runner", "store", "study", "worlds"))),
     Rule("m2wr_campaign/study/*.py", {"numpy", "yaml"}, False, True, ("m2wr_campaign.store", "m2wr_campaign.runner")),
     Rule("m2wr_campaign/terrain/*.py", {"numpy", "PIL"}, False, True, tuple(
         "m2wr_campaign." + layer for layer in ("grading", "programs", "report", "runner", "store", "study", "worlds"))),

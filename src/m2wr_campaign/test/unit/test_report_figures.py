@@ -19,10 +19,15 @@ from m2wr_campaign.report.figures import (
 def run(method="bug2", world="a", repeat=0, **more):
     success = more.get("success", 1)
     return dict({"key": "{} {} {}".format(method, world, repeat), "world": world, "robot": "m2wr", "method": method,
-                 "parameters": "{}", "noise": None, "repeat": repeat, "status": "done", "reason": "", "log": "",
+                 "parameters": "{}", "noise": None, "fault": "", "repeat": repeat,
+                 "status": "done", "reason": "", "log": "",
                  "outcome": "reached" if success else "stuck", "success": 1, "ratio": 1.5, "time": 20.0,
                  "clearance": 0.2, "turning": 3.0, "cpu_ms": 0.3, "contacts": 0, "optimum": 10.0, "openness": 1.0,
                  "tortuosity": 1.2, "versions": "{}"}, **more)
+
+
+def test_runs_with_and_without_a_fault_are_told_apart():
+    assert list(variants([run(fault="scan_loss"), run()])) == ["bug2, scan_loss", "bug2, no fault"]
 
 
 def test_runs_differ_by_parameters_robot_and_noise():

@@ -42,6 +42,7 @@ class Elements(HTMLParser):
 def row(key, method, world, **more):
     path = packed_path(np.array([(0.0, 0.5), (1.0, 2.0), (9.0, 2.0)]))
     return dict({"key": key, "world": world, "robot": "m2wr", "method": method, "parameters": "{}", "noise": None,
+                 "fault": "",
                  "repeat": 0, "seed": 7, "status": "done", "outcome": "reached", "reason": "", "success": 1,
                  "length": 2.5, "ratio": 1.2, "time": 5.0, "clearance": 0.1, "contacts": 0, "turning": 1.0,
                  "cpu_ms": 0.2, "optimum": 2.0 if world == "v" else 3.0, "openness": 1.0, "tortuosity": 1.0,

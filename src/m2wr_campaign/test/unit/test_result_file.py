@@ -80,6 +80,20 @@ def test_a_file_of_an_earlier_release_without_bags(path):
         assert list(results.bags()) == [("b", b"it")]
 
 
+def test_a_file_of_the_first_version_is_read_and_upgraded(path):
+    names = ", ".join(name for name in RUN_COLUMNS if name != "fault")
+    for statement in ("CREATE TABLE old AS SELECT {} FROM runs".format(names), "DROP TABLE runs",
+                      "ALTER TABLE old RENAME TO runs", "PRAGMA user_version = 1"):
+        change(path, statement)
+    with ResultFile(path) as results:
+        assert [run["fault"] for run in results.runs()] == [""]
+    with ResultFile(path, writing=True) as results:
+        results.add(row("b", fault="scan_loss"))
+        assert [run["fault"] for run in results.runs()] == ["", "scan_loss"] and results.finished() == {"a", "b", "z"}
+    with ResultFile(path) as results:
+        assert [run["fault"] for run in results.runs()] == ["", "scan_loss"]
+
+
 def test_what_was_committed_survives_kill_9(path):
     child = os.fork()
     if child == 0:
@@ -159,7 +173,7 @@ def change(path, statement):
 @pytest.mark.parametrize("spoil, told", [
     (lambda path: open(path, "wb").write(b"a poem with many lines\n" * 100), "damaged, or no results of a study"),
     (lambda path: os.truncate(path, 5000), "damaged, or no results of a study"),
-    (lambda path: change(path, "PRAGMA user_version = 9"), "version 9 of the tables; expected version 1"),
+    (lambda path: change(path, "PRAGMA user_version = 9"), "version 9 of the tables; expected at most version 2"),
     (lambda path: change(path, "PRAGMA application_id = 5"), "a database of another program"),
 ], ids=["text", "cut", "version", "program"])
 def test_a_file_that_cannot_be_used_is_told_and_unchanged(path, writing, spoil, told):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A campaign stores each run when it ends, continues after kill -9, and gives the same rows on any worker."""
 import os
+import pickle
 import signal
 import time
 import zlib
@@ -12,7 +13,7 @@ from rosbags.rosbag1 import Reader
 
 from m2wr_campaign.runner import command, one_run
 from m2wr_campaign.runner.last_seconds import TOPICS, message_types
-from m2wr_campaign.runner.one_run import RunError, finite, perform
+from m2wr_campaign.runner.one_run import RunError, perform, watched
 from m2wr_campaign.store.result_file import ResultFile
 from m2wr_campaign.store.schema import RUN_COLUMNS
 from m2wr_campaign.study.expansion import all_tasks
@@ -103,6 +104,24 @@ def test_a_stop_by_ctrl_c_keeps_what_was_run(study, monkeypatch, capsys):
     assert run["status"] == "failed" and run["reason"] == "it broke"
 
 
+def test_a_worker_without_the_files_of_a_world_can_do_the_run(study, tmp_path):
+    """World and mesh travel with the task, as to a worker on another machine."""
+    (tmp_path / "wall.obj").write_text(
+        "v 1 -2 0\nv 1 2 0\nv 1 2 1\nv 1 -2 1\nv 1.2 0 0\nf 1 2 3\nf 1 3 4\nf 2 5 3\nf 5 1 4\nf 3 5 4\nf 1 5 2\n")
+    (tmp_path / "walled.world").write_text(
+        '<sdf version="1.6"><world name="w"><include><uri>model://ground_plane</uri></include><model name="wall">'
+        '<static>1</static><link name="l"><collision name="c"><geometry><mesh><uri>wall.obj</uri></mesh></geometry>'
+        '</collision></link></model></world></sdf>')
+    walled = STUDY.replace("{file: world02, start: [0, 8], goal: [0, 7]}",
+                           "{file: walled.world, start: [0, 0], goal: [2, 0]}")
+    study.write_text(walled.replace("limit: 4", "limit: 60"))
+    bug0 = pickle.dumps(all_tasks(read_study(str(study)))[0])
+    for name in ("wall.obj", "walled.world", "small.yaml"):
+        (tmp_path / name).unlink()
+    row = perform(pickle.loads(bug0))
+    assert row["status"] == "done" and row["optimum"] > 2.5 and row["outcome"] == "reached" and row["length"] > 2.5
+
+
 def test_a_start_inside_of_an_obstacle_is_a_failed_run(study):
     task = all_tasks(read_study(str(study)))[0]
     row = perform(replace(task, world=replace(task.world, key="other", goal=(0.0, 4.73))))
@@ -114,8 +133,8 @@ def test_a_command_that_is_not_finite_ends_the_run():
         time = 1.5
 
     with pytest.raises(RunError, match=r"at 1.50 s: command \(nan, 0.0\); expected finite numbers"):
-        finite(lambda result: Decision(float("nan"), 0.0))(Result())
-    assert finite(lambda result: Decision(0.1, 0.2))(Result()).linear == 0.1
+        watched(lambda result: Decision(float("nan"), 0.0))(Result())
+    assert watched(lambda result: Decision(0.1, 0.2))(Result()).linear == 0.1
 
 
 class Broken:

@@ -55,6 +55,32 @@ def test_what_cannot_be_used_is_told(tmp_path, before, after, told):
     assert told in str(error.value) and "\n" not in str(error.value)
 
 
+def test_a_python_program_gives_the_same_study(tmp_path):
+    path = tmp_path / "s.py"
+    path.write_text("import numpy as np\nSTUDY = dict(study='one', repeats=5, methods=('bug2', dict(name='dwa', "
+                    "parameters=dict(max_vel_x=np.linspace(0.3, 0.5, 2), sim_time=1.5))), "
+                    "worlds=[dict(generator='barn', count=3, parameters=dict(fill=[0.1, 0.2], rounds=np.int64(2))), "
+                    "dict(file='world02')])\n")
+    made, written = read_study(str(path)), read(tmp_path, WHOLE)
+    assert made.methods == written.methods and made.worlds == written.worlds and made.count == written.count
+
+
+@pytest.mark.parametrize("text, told", [
+    ("STUDIES = {}", "s.py: it sets no STUDY; expected a mapping of that name"),
+    ("\nSTUDY = {'study': nme}", "s.py: line 2: NameError: name 'nme' is not defined; expected a program"),
+    ("STUDY = {", "s.py: line 1: SyntaxError: "),
+    ("raise SystemExit(3)", "s.py: line 1: SystemExit: 3"),
+    ("STUDY = 5", "s.py: read 5; expected a mapping with names as keys"),
+    ("a = []\na.append(a)\nSTUDY = {'worlds': a}", "s.py: more than 20 lists and mappings in one another"),
+])
+def test_a_python_program_without_a_study_is_told(tmp_path, text, told):
+    path = tmp_path / "s.py"
+    path.write_text(text)
+    with pytest.raises(StudyError) as error:
+        read_study(str(path))
+    assert told in str(error.value)
+
+
 def test_too_many_runs_are_refused(tmp_path):
     with pytest.raises(StudyError, match="runs; expected at most 1000000"):
         read(tmp_path, WHOLE.replace("count: 3", "count: 10000").replace("repeats: 5", "repeats: 10000"))

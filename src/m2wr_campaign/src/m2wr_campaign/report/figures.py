@@ -23,13 +23,13 @@ MOST_BINS = 4
 
 
 def variants(runs: Sequence[Row]) -> Dict[str, List[Row]]:
-    """Return the runs of each method, by its name, parameters, and robot and noise if there are several.
+    """Return the runs of each method, by its name, parameters, and robot, noise and fault if there are several.
 
     Parameters
     ----------
     runs : sequence of dict
     """
-    robots, noises = ({run[name] for run in runs} for name in ("robot", "noise"))
+    robots, noises, faults = ({run[name] for run in runs} for name in ("robot", "noise", "fault"))
     found: Dict[str, List[Row]] = {}
     for run in runs:
         label = parameters_of(run)
@@ -37,6 +37,8 @@ def variants(runs: Sequence[Row]) -> Dict[str, List[Row]]:
             label += ", " + run["robot"]
         if len(noises) > 1:
             label += ", noise as described" if run["noise"] is None else ", noise {:g} m".format(run["noise"])
+        if len(faults) > 1:
+            label += ", " + (run["fault"] or "no fault")
         found.setdefault(label, []).append(run)
     return found
 

@@ -35,7 +35,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="run", description="Run all combinations of a study's worlds, robots, noise, methods and repeats in the "
         "simulator, on all cores or on a cluster. Each run is stored when it ends; after a stop the same command "
         "continues. No ROS master is needed.")
-    parser.add_argument("study", metavar="STUDY.yaml", help="the study")
+    parser.add_argument("study", metavar="STUDY.yaml", help="the study: YAML, or a Python program (.py) "
+                        "that sets STUDY to the same mapping")
     parser.add_argument("--out", default="", metavar="FILE",
                         help="results (default: the study's name with .sqlite, in the present folder)")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),

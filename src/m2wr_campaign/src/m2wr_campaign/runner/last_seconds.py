@@ -30,6 +30,7 @@ TOPICS = {"/m2wr/laser/scan": "sensor_msgs/msg/LaserScan", "/odom": "nav_msgs/ms
 @dataclass
 class _Cycle:
     result: StepResult
+    seen: StepResult
     command: Optional[Tuple[float, float]] = None
 
 
@@ -45,14 +46,17 @@ class LastSeconds:
     def __init__(self, period: float) -> None:
         self._cycles: Deque[_Cycle] = deque(maxlen=max(1, int(round(KEPT / period))))
 
-    def look(self, result: StepResult) -> None:
+    def look(self, result: StepResult, seen: StepResult) -> None:
         """Keep what is known before a decision.
 
         Parameters
         ----------
         result : StepResult
+            Without any fault.
+        seen : StepResult
+            What the method gets.
         """
-        self._cycles.append(_Cycle(result))
+        self._cycles.append(_Cycle(result, seen))
 
     def decided(self, linear: float, angular: float) -> None:
         """Keep the decision, also one that is not finite.
@@ -112,13 +116,14 @@ class _Messages:
 
     def of(self, cycle: _Cycle, body: RobotBody) -> Iterator[Tuple[str, Any]]:
         result, kinds = cycle.result, self._types
-        here = next(iter(result.robots.values()))
+        true = next(iter(result.robots.values()))
+        here = next(iter(cycle.seen.robots.values()))
         if here.odometry is not None:
             yield "/odom", self._odometry(here.odometry, ODOM)
             yield "/tf", kinds["tf2_msgs/msg/TFMessage"](transforms=[
                 self._transform(here.odometry.time, ODOM, BASE, here.odometry.pose),
                 self._transform(here.odometry.time, BASE, LASER, body.laser)])
-        yield "/base_pose_ground_truth", self._message(result.time, WORLD, here.position, here.orientation,
+        yield "/base_pose_ground_truth", self._message(result.time, WORLD, true.position, true.orientation,
                                                        (0.0, 0.0, 0.0))
         if here.scan is not None:
             yield "/m2wr/laser/scan", self._scan(here.scan)

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple
 import numba
 import numpy as np
 
+from m2wr_campaign.faults.fault import seen_through
+from m2wr_campaign.faults.registry import FAULTS, make_fault
 from m2wr_campaign.programs.examination import ExaminerLost, examined
 from m2wr_campaign.runner.last_seconds import LastSeconds
 from m2wr_campaign.store.result_file import packed_path
@@ -23,6 +25,7 @@ from m2wr_campaign.study.expansion import with_noise
 from m2wr_navigation.compare.comparison import Comparison
 from m2wr_navigation.compare.drawing import thinned
 from m2wr_navigation.compare.drive import PERIOD
+from m2wr_navigation.methods.method import COMMON
 from m2wr_navigation.optimum.shortest_path import NoShortestPathError
 from m2wr_sim.api import read_world
 from m2wr_sim.api.loading import package_folder
@@ -30,6 +33,7 @@ from m2wr_sim.errors import SimError
 from m2wr_view.outlines import point_distances
 
 if TYPE_CHECKING:
+    from m2wr_campaign.faults.fault import Fault
     from m2wr_campaign.study.factors import RunTask
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.compare.comparison import Decide
@@ -40,7 +44,9 @@ KEPT = 4                    # worlds that a worker keeps ready
 APART = 0.1                 # m between two points of a stored path, more where it has MOST_POINTS
 MOST_POINTS = 5000
 LONGEST_LOG = 8000          # characters
-DONE, FAILED = "done", "failed"
+DONE, FAILED, MISSED = "done", "failed", "missed"
+GOAL_TOLERANCE = float(COMMON["goal_tolerance"].default)    # m
+ALIKE = 0.02                # m between the place where a method stops and the true one that are no mistake
 
 
 class RunError(Exception):
@@ -97,13 +103,14 @@ def _place(task: RunTask) -> _Place:
     return places[-1]
 
 
-def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = None,
-           last: Optional[LastSeconds] = None) -> Decide:
-    """Return a function that decides the same, and ends the run if a command is not finite.
+def watched(decide: Decide, fault: Optional[Fault] = None, poses: Optional[List[Tuple[float, float, float]]] = None,
+            last: Optional[LastSeconds] = None) -> Decide:
+    """Return a function that decides through a fault, keeps a record, and ends the run if a command is not finite.
 
     Parameters
     ----------
     decide : callable
+    fault : Fault, optional
     poses : list of (3,) float, optional
         Gets the robot's true pose at each decision [m, m, rad], for the path of a run that fails.
     last : LastSeconds, optional
@@ -112,15 +119,19 @@ def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = N
     def checked(result: StepResult) -> Decision:
         if poses is not None:
             poses.append(result.pose)
+        seen = result if fault is None else seen_through(fault, result)
         if last is not None:
-            last.look(result)
-        decision = decide(result)
+            last.look(result, seen)
+        decision = decide(seen)
         if last is not None:
             last.decided(decision.linear, decision.angular)
         if not (math.isfinite(decision.linear) and math.isfinite(decision.angular)):
             raise RunError("at {:.2f} s: command ({}, {}); expected finite numbers".format(
                 result.time, decision.linear, decision.angular))
-        return decision
+        if fault is None:
+            return decision
+        linear, angular = fault.command(result.time, decision.linear, decision.angular)
+        return replace(decision, linear=linear, angular=angular)
     return checked
 
 
@@ -156,7 +167,8 @@ def perform_here(task: RunTask, decide_with: Optional[Callable[[], Decide]] = No
     poses: List[Tuple[float, float, float]] = []
     last, body = LastSeconds(PERIOD), task.robot.robot.body
     try:
-        row.update(_measured(task, lambda decide: finite(decide, poses, last), decide_with))
+        fault = make_fault(task.fault.name, dict(task.fault.parameters), task.seed) if task.fault.label else None
+        row.update(_measured(task, lambda decide: watched(decide, fault, poses, last), decide_with))
     except (RunError, SimError, NoShortestPathError, ValueError) as error:
         row.update(failed(str(error)))
     except Exception as error:                  # a method of a user may raise anything
@@ -193,19 +205,30 @@ def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[st
     return dict(task.factors(), key=task.key, versions=versions(), wall=wall, **failed(reason, log))
 
 
-def _measured(task: RunTask, watched: Callable[[Decide], Decide],
+def _measured(task: RunTask, around: Callable[[Decide], Decide],
               decide_with: Optional[Callable[[], Decide]]) -> Dict[str, Any]:
     place = _place(task)
     if decide_with is not None:
-        entry = place.comparison.decided(task.method.name, watched(decide_with()), task.seed)
+        entry = place.comparison.decided(task.method.name, around(decide_with()), task.seed)
     else:
-        entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters), watched)
+        entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters), around)
     found: Dict[str, Any] = dict(place.measures)
     found.update((name, getattr(entry, name)) for name in (
         "outcome", "reason", "length", "ratio", "time", "clearance", "contacts", "cpu_ms"))
     found.update(success=int(entry.success), turning=_turning(entry.path))
+    if FAULTS[task.fault.name].MOVES_POSE and entry.success:
+        found.update(_missed(float(np.hypot(*(entry.path[-1] - task.world.goal))), dict(task.method.parameters)))
     found = {name: _stored(value) if isinstance(value, float) else value for name, value in found.items()}
     return dict(found, path=_path_of(entry.path))
+
+
+def _missed(distance: float, parameters: Dict[str, Any]) -> Dict[str, Any]:
+    """Return what changes if a robot that took itself for arrived is too far from the goal [m]."""
+    tolerance = float(parameters.get("goal_tolerance", GOAL_TOLERANCE))
+    if distance <= tolerance + ALIKE:
+        return {}
+    reason = "it took itself for arrived {:.2f} m from the goal; the tolerance is {:g} m".format(distance, tolerance)
+    return {"outcome": MISSED, "success": 0, "reason": reason}
 
 
 def _path_of(path: FloatArray) -> bytes:

@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any, Dict, Iterable, Iterator, List, Optio
 
 import numpy as np
 
-from m2wr_campaign.store.schema import APPLICATION, BAGS_TABLE, RUN_NAMES, TABLES, VERSION, WORLD_NAMES
+from m2wr_campaign.store.schema import APPLICATION, BAGS_TABLE, RUN_NAMES, TABLES, UPGRADES, VERSION, WORLD_NAMES
 from m2wr_campaign.study.factors import StudyWorld
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
@@ -80,14 +80,24 @@ class ResultFile:
             self._data.execute("COMMIT")
         elif application != APPLICATION:
             raise StoreError("{}: a database of another program; expected the results of a study".format(self.path))
-        elif version != VERSION:
-            raise StoreError("{}: version {} of the tables; expected version {}: read it with the release that "
-                             "wrote it, or name another file".format(self.path, version, VERSION))
+        elif not 1 <= version <= VERSION:
+            raise StoreError("{}: version {} of the tables; expected at most version {}: read it with the release "
+                             "that wrote it, or name another file".format(self.path, version, VERSION))
+        elif writing:
+            self._upgrade(version)
         if writing:
             self._data.execute(BAGS_TABLE)
         found = self._data.execute("PRAGMA quick_check(1)").fetchone()[0]
         if found != "ok":
             raise sqlite3.DatabaseError(found)
+
+    def _upgrade(self, version: int) -> None:
+        """Make the tables of an earlier release those of this one; its runs stay as they are."""
+        self._data.execute("BEGIN IMMEDIATE")
+        for number in range(version, VERSION):
+            self._data.execute(UPGRADES[number])
+        self._data.execute("PRAGMA user_version = {}".format(VERSION))
+        self._data.execute("COMMIT")
 
     @contextmanager
     def _told(self) -> Iterator[None]:
@@ -194,8 +204,9 @@ class ResultFile:
         """
         with self._told():
             self._data.execute("SAVEPOINT run")
-            self._data.execute("INSERT OR REPLACE INTO runs VALUES ({})".format(_marks(RUN_NAMES)),
-                               [row.get(name) for name in RUN_NAMES])
+            self._data.execute("INSERT OR REPLACE INTO runs ({}) VALUES ({})".format(
+                ", ".join(RUN_NAMES), _marks(RUN_NAMES)), [row.get(name, "" if name == "fault" else None)
+                                                           for name in RUN_NAMES])
             self._data.execute("DELETE FROM bags WHERE key = ?", (row["key"],))
             kept, = self._data.execute("SELECT count(*) FROM bags JOIN runs USING (key) WHERE method = ? "
                                        "AND parameters = ?", (row["method"], row["parameters"])).fetchone()
@@ -205,8 +216,10 @@ class ResultFile:
 
     def runs(self) -> Iterator[Row]:
         """Yield the runs of the present plan in its order, without their paths."""
-        names = ", ".join("runs." + name for name in RUN_NAMES if name != "path")
         with self._told():
+            there = {row["name"] for row in self._data.execute("PRAGMA table_info(runs)")}
+            names = ", ".join("runs." + name if name in there else "'' AS " + name     # of an earlier release
+                              for name in RUN_NAMES if name != "path")
             for row in self._data.execute("SELECT {} FROM plan JOIN runs USING (key) ORDER BY number".format(names)):
                 yield dict(row)
 

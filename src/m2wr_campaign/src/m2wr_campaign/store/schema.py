@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 APPLICATION = 0x6D327763        # "m2wc": marks the file as one of this package
-VERSION = 1
+VERSION = 2             # 2: runs.fault
 
 #: Name -> (type in SQLite, meaning), of the columns of ``runs``. Times of the wall clock and of the CPU are the only
 #: ones that differ between two runs with the same key.
@@ -17,7 +17,7 @@ RUN_COLUMNS = {
     "repeat": ("INTEGER NOT NULL", "from 0"),
     "seed": ("INTEGER NOT NULL", "of all noise"),
     "status": ("TEXT NOT NULL", "done, or failed: the run gave no result"),
-    "outcome": ("TEXT NOT NULL", "reached, unreachable, stuck, time out; failed"),
+    "outcome": ("TEXT NOT NULL", "reached, unreachable, stuck, time out; missed: it took itself for arrived; failed"),
     "reason": ("TEXT NOT NULL", "of the outcome"),
     "success": ("INTEGER NOT NULL", "1: the goal was reached without a contact"),
     "length": ("REAL", "of the axle's path and the rest to the goal in a straight line [m]"),
@@ -36,6 +36,7 @@ RUN_COLUMNS = {
     "log": ("TEXT NOT NULL", "what a failed run wrote, its end"),
     "versions": ("TEXT NOT NULL", "of the programs, as JSON"),
     "finished": ("TEXT NOT NULL", "date and time, UTC"),
+    "fault": ("TEXT NOT NULL DEFAULT ''", "of sensors or drive, with its parameters; empty: none"),
 }
 RUN_NAMES = tuple(RUN_COLUMNS)
 
@@ -55,6 +56,9 @@ WORLD_NAMES = tuple(WORLD_COLUMNS)
 
 #: Bags of failed runs. A file without this table, of an earlier release, gets it when runs are added.
 BAGS_TABLE = "CREATE TABLE IF NOT EXISTS bags (key TEXT PRIMARY KEY REFERENCES runs (key), data BLOB NOT NULL)"
+
+#: What makes the tables of a version those of the next; done when runs are added to an older file.
+UPGRADES = {1: "ALTER TABLE runs ADD COLUMN fault {}".format(RUN_COLUMNS["fault"][0])}
 
 TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL, text TEXT NOT NULL)",

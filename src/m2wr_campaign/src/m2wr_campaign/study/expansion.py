@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Callable, Dict, Iterator, List, Optional, Sequence
 
 from m2wr_campaign.study.factors import RunTask, StudyRobot, StudyWorld, key_of
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def tasks_of(study: Study, kept: Kept = lambda recipe: None) -> Iterator[RunTask]:
-    """Yield all runs: by worlds, then robots, noise, methods and repeats.
+    """Yield all runs: by worlds, then robots, noise, faults, methods and repeats.
 
     Parameters
     ----------
@@ -43,12 +44,11 @@ def tasks_of(study: Study, kept: Kept = lambda recipe: None) -> Iterator[RunTask
         for index in range(entry.first, entry.first + entry.count):
             world = _world(study, entry, index, radius, kept)
             for robot in robots:
-                for noise in study.noise:
-                    for method in study.methods:
-                        for repeat in range(study.repeats):
-                            yield RunTask(number, world, robot, method, noise, repeat, study.seed, study.limit,
-                                          study.time_limit)
-                            number += 1
+                for noise, fault, method, repeat in product(study.noise, study.faults, study.methods,
+                                                            range(study.repeats)):
+                    yield RunTask(number, world, robot, method, noise, repeat, study.seed, study.limit,
+                                  study.time_limit, fault)
+                    number += 1
 
 
 def all_tasks(study: Study, kept: Kept = lambda recipe: None) -> List[RunTask]:

@@ -101,11 +101,36 @@ class StudyMethod:
     @property
     def label(self) -> str:
         """Name and parameters."""
-        return " ".join([self.name] + ["{}={}".format(name, _short(value)) for name, value in self.parameters])
+        return _label(self.name, self.parameters)
+
+
+def _label(name: str, parameters: Values) -> str:
+    return " ".join([name] + ["{}={}".format(key, _short(value)) for key, value in parameters])
 
 
 def _short(value: object) -> str:
     return "{:g}".format(value) if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class StudyFault:
+    """A fault with parameters.
+
+    Attributes
+    ----------
+    name : str
+        As in ``m2wr_campaign.faults.registry.FAULTS``.
+    parameters : tuple of (str, object)
+        Those that differ from the defaults.
+    """
+
+    name: str = "none"
+    parameters: Values = ()
+
+    @property
+    def label(self) -> str:
+        """Name and parameters, as they are stored; empty without a fault."""
+        return "" if self == StudyFault() else _label(self.name, self.parameters)
 
 
 @dataclass(frozen=True)
@@ -128,6 +153,8 @@ class RunTask:
         Greatest simulated time [s].
     time_limit : float
         Greatest wall time [s].
+    fault : StudyFault, optional
+        Of sensors or drive.
     """
 
     number: int
@@ -139,6 +166,7 @@ class RunTask:
     study_seed: int
     limit: float
     time_limit: float
+    fault: StudyFault = StudyFault()
 
     @property
     def key(self) -> str:
@@ -146,13 +174,15 @@ class RunTask:
         program = self.method.program
         return key_of(self.study_seed, self.world.key, self.robot.key, self.method.name, list(self.method.parameters),
                       self.noise, self.repeat, self.limit,
-                      *([] if program is None else [program.digest, os.path.relpath(program.path, program.folder)]))
+                      *([] if program is None else [program.digest, os.path.relpath(program.path, program.folder)]),
+                      *([self.fault.label] if self.fault.label else []))
 
     @property
     def seed(self) -> int:
         """Of all its noise: of the study's seed, world, robot, noise and repeat, so that it depends on no worker.
 
-        All methods have the same: their runs are pairs, whose difference has less noise than that of other runs.
+        All methods and faults have the same: their runs are pairs, whose difference has less noise than that of other
+        runs.
         """
         return int(key_of(self.study_seed, self.world.key, self.robot.key, self.noise, self.repeat)[:7], 16)
 
@@ -160,4 +190,5 @@ class RunTask:
         """Return the values of all factors, as they are stored."""
         return {"world": self.world.key, "robot": self.robot.label, "method": self.method.name,
                 "parameters": json.dumps(dict(self.method.parameters), sort_keys=True),
-                "noise": self.noise if self.noise >= 0.0 else None, "repeat": self.repeat, "seed": self.seed}
+                "noise": self.noise if self.noise >= 0.0 else None, "repeat": self.repeat, "seed": self.seed,
+                "fault": self.fault.label}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads a study from its YAML file: factors with their values, checked before anything is computed."""
+"""Reads a study from its file: factors with their values, checked before anything is computed."""
 from __future__ import annotations
 
 import itertools
@@ -7,9 +7,11 @@ import os
 from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
-from m2wr_campaign.study.factors import StudyMethod
+from m2wr_campaign.faults.registry import FAULTS
+from m2wr_campaign.study.factors import StudyFault, StudyMethod
 from m2wr_campaign.study.fields import Fields, StudyError, load
 from m2wr_campaign.study.programs import ProgramError, read_program
+from m2wr_campaign.study.python_file import run_python
 from m2wr_campaign.worlds.generators import GENERATORS
 from m2wr_navigation import registry
 from m2wr_navigation.compare.comparison import NAMES
@@ -90,6 +92,7 @@ class Study:
     methods : tuple of StudyMethod
     noise : tuple of float
         Standard deviations of the laser's readings [m].
+    faults : tuple of StudyFault
     """
 
     name: str
@@ -102,12 +105,13 @@ class Study:
     robots: Tuple[RobotEntry, ...]
     methods: Tuple[StudyMethod, ...]
     noise: Tuple[float, ...]
+    faults: Tuple[StudyFault, ...] = (StudyFault(),)
 
     @property
     def count(self) -> int:
         """Number of runs."""
         return sum(entry.count for entry in self.worlds) * len(self.robots) * len(self.methods) * len(self.noise) \
-            * self.repeats
+            * len(self.faults) * self.repeats
 
 
 def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> Study:
@@ -116,6 +120,7 @@ def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> 
     Parameters
     ----------
     path : str
+        YAML, or a Python program (``.py``) that sets STUDY to the same mapping.
     methods : tuple of StudyMethod, optional
         Of an examination, whose file has none.
 
@@ -128,7 +133,7 @@ def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> 
     StudyError
         In one sentence with file, key, what was read and what was expected.
     """
-    fields = load(path)
+    fields = Fields(run_python(path), os.path.basename(path), "") if path.endswith(".py") else load(path)
     folder = os.path.dirname(os.path.abspath(path))
     noise = fields.entries("noise", [AS_DESCRIBED])
     if "noise" in fields:
@@ -141,8 +146,12 @@ def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> 
         tuple(entry for k, value in enumerate(fields.entries("worlds", expected="a list of worlds"))
               for entry in _worlds(fields.entry("worlds", k, value), folder)),
         tuple(_robot(fields, k, value, folder) for k, value in enumerate(fields.entries("robots", ["m2wr"]))),
-        _methods(fields, folder) if methods is None else methods, tuple(map(float, noise)))
+        _methods(fields, folder) if methods is None else methods, tuple(map(float, noise)), _faults(fields))
     fields.end()
+    for method in study.methods:
+        if method.program is not None and study.faults != (StudyFault(),):
+            raise StudyError("{}: faults act on methods of this workspace, not on the program {}; expected studies of "
+                             "their own".format(fields.file, method.label))
     if study.count > MOST_RUNS:
         raise StudyError("{}: {} runs; expected at most {}".format(fields.file, study.count, MOST_RUNS))
     return study
@@ -202,6 +211,19 @@ def _robot(fields: Fields, index: int, value: object, folder: str) -> RobotEntry
                        inner.number("max_vel_theta", 0.1, 10.0, 1.0, "rad/s"), inner.place)
     inner.end()
     return entry
+
+
+def _faults(fields: Fields) -> Tuple[StudyFault, ...]:
+    found: List[StudyFault] = []
+    for k, value in enumerate(fields.entries("faults", ["none"])):
+        inner = fields.entry("faults", k, {"name": value} if isinstance(value, str) else value)
+        name = inner.text("name", choices=list(FAULTS))
+        found += [StudyFault(name, chosen) for chosen in _levels(inner.below("parameters"), FAULTS[name].PARAMETERS)]
+        inner.end()
+    for k, fault in enumerate(found):
+        if fault in found[:k]:
+            raise StudyError(fields.problem("faults", fault.label or fault.name, "each fault once"))
+    return tuple(found)
 
 
 def _methods(fields: Fields, folder: str) -> Tuple[StudyMethod, ...]:
