@@ -284,6 +284,24 @@ def test_unusable_gains_are_told(make_robot, caplog, gains, told):
     arm_.run(0.1)
 
 
+@pytest.mark.parametrize("kind, values, told", [
+    ("effort_controllers/JointPositionController", {"joint": "elbow", "pid": {"p": math.nan}},
+     "/move/pid/p: read nan; expected a finite number"),
+    ("effort_controllers/JointVelocityController", {"joint": "elbow", "pid": {"p": 1.0, "i": math.inf}},
+     "/move/pid/i: read inf; expected a finite number"),
+    ("effort_controllers/JointTrajectoryController", {"joints": ["elbow"], "gains": {"elbow": {"p": math.nan}}},
+     "/move/gains/elbow/p: read nan; expected a finite number"),
+    ("effort_controllers/JointTrajectoryController", {"joints": ["elbow"], "gains": {"wrist": {"p": 1.0}}},
+     "/move/gains/elbow")])
+def test_unusable_gains_of_a_controller_are_told(make_robot, caplog, kind, values, told):
+    arm_ = make_robot(arm(EFFORT), z=0.0, states=STATES, move=dict(values, type=kind))
+    arm_.begin("states")
+    assert not arm_.load("move")
+    assert told in caplog.text
+    arm_.run(0.1)
+    assert arm_.states() == {"states": "running"}
+
+
 @pytest.mark.parametrize("limits, told", [
     ({"has_velocity_limits": True}, "/joint_limits/elbow/max_velocity: read None; expected a finite number"),
     ({"has_position_limits": True, "min_position": 1.0, "max_position": -1.0}, "min_position 1 above max_position -1"),

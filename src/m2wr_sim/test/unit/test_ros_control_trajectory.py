@@ -157,6 +157,24 @@ def test_goals_are_rejected_with_their_code(make_robot):
     assert results(robot) == {"early": (REJECTED, -1), "names": (REJECTED, -2), "times": (REJECTED, -1)}
 
 
+def test_a_goal_in_the_past_is_rejected_and_the_arm_stays(make_robot):
+    robot = make_robot(arm(POSITION), z=0.0, arm_controller=CONTROLLER)
+    robot.begin("arm_controller")
+    robot.run(3.0)
+    robot.send(ACTION + "/goal", goal("late", (0.5, [0.5]), (1.0, [1.0]), begin=1.0))
+    robot.run(0.5)
+    result = robot.ports.topics[ACTION + "/result"].messages[-1]
+    assert (result.status.status, result.result.error_code) == (REJECTED, -1)
+    assert "Dropping all 2" in result.result.error_string and "in the past" in result.result.error_string
+    assert robot.angle("elbow") == pytest.approx(0.0, abs=1e-3)
+    robot.send("/arm_controller/command", trajectory((0.5, [0.5]), begin=1.0))
+    robot.run(0.5)
+    assert robot.angle("elbow") == pytest.approx(0.0, abs=1e-3)
+    robot.send(ACTION + "/goal", goal("now", (0.5, [0.5])))
+    robot.run(1.0)
+    assert results(robot)["now"] == (SUCCEEDED, 0)
+
+
 @pytest.mark.parametrize("options, code", [
     ({"path": [JointTolerance("elbow", 0.05, 0.0, 0.0)]}, -4),
     ({"at_goal": [JointTolerance("elbow", 0.01, 0.0, 0.0)], "patience": 0.1}, -5)])
