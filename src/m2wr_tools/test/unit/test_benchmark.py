@@ -14,7 +14,7 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
-from m2wr_tools.benchmark import c_loop, command, in_process, others, reference, table
+from m2wr_tools.benchmark import c_loop, command, controllers_speed, in_process, others, reference, table
 from m2wr_tools.benchmark.arguments import OTHERS
 
 PACKAGE = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
@@ -251,6 +251,18 @@ def test_the_table_lists_installed_simulators(monkeypatch):
     text = "\n".join(table._other_simulators(3))
     assert "| pybullet, 1 robot, 1 ms | 200 | 80 | 2.5 | 0.50 m/s, 0.90 rad/s |" in text and "mujoco" not in text
     assert len(asked) == len(table.OTHERS)
+
+
+def test_controllers_are_measured_on_robots_that_they_drive():
+    text = controllers_speed.report(steps=20)
+    assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == [
+        case.name for case in controllers_speed.CASES]
+
+
+def test_controllers_that_do_not_start_are_told():
+    broken = controllers_speed.CASES[1]._replace(controllers={"drive": {"type": "unknown"}})
+    with pytest.raises(ValueError, match="did not start"):
+        controllers_speed.time_of(broken, steps=20)
 
 
 def test_a_simulator_that_is_not_installed_is_named(from_source, capsys, monkeypatch):

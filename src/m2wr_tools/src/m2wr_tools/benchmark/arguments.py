@@ -62,6 +62,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--gym", type=_whole(1), nargs="?", const=64, metavar="WORLDS",
                       help="print the steps per second of the Gymnasium environments, also of so many batched worlds "
                       "(%(const)s), and of f1tenth_gym, ir-sim and MuJoCo where they are installed")
+    made.add_argument("--controllers", action="store_true",
+                      help="print the processor time of the controllers of ros_control in a step")
     made.add_argument("--cameras", action="store_true",
                       help="print the processor time of cameras and of a laser with 16 layers, messages included")
     made.add_argument("--repeats", type=_whole(1), default=5,

@@ -183,6 +183,10 @@ def perform(options: argparse.Namespace) -> int:
             from m2wr_tools.benchmark import gym_speed  # needs gymnasium, the rest does not
             sys.stdout.write(gym_speed.report(options.gym))
             return 0
+        if options.controllers:
+            from m2wr_tools.benchmark import controllers_speed
+            sys.stdout.write(controllers_speed.report())
+            return 0
         if options.cameras:
             from m2wr_tools.benchmark import sensors_speed
             sys.stdout.write(sensors_speed.report())
