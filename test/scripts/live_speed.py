@@ -10,6 +10,7 @@ lockstep   processor time of the simulation for a whole run of Bug 2 at full spe
 obstacles  from the address to a picture of 1000 obstacles in a headless Chromium without a GPU
 """
 import argparse
+import contextlib
 import json
 import os
 import random
@@ -227,7 +228,8 @@ def measure_keys():
 def run_alone_on(core, pid):
     """Let all threads of a process, and those that they start, run on one core."""
     for thread in os.listdir("/proc/%d/task" % pid):
-        os.sched_setaffinity(int(thread), {core})
+        with contextlib.suppress(ProcessLookupError):       # it has ended meanwhile
+            os.sched_setaffinity(int(thread), {core})
 
 
 def run_of_bug2(pages, words=()):

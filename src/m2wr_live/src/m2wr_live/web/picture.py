@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
     from m2wr_view.array_types import FloatArray
 
+#: Where the grid is [m]; it is drawn around the camera in any case. What is transparent is drawn in the order of the
+#: distance of its middle: lines on the floor whose middle was further away than the grid's were covered by it.
+_GRID = (0.0, -1000.0, 0.0)
 GROUND = 0.004              # m; height at which maps are drawn, above the grid
 ABOVE = 0.02                # m; height of lines on the floor, above maps
 SELDOM = 3                  # pictures from one drawing of beams, names and trails to the next
@@ -62,7 +65,7 @@ class Picture:
         scene.configure_environment_map(hdri=None)      # a browser without a GPU needs seconds for one
         scene.add_light_hemisphere("/sky", sky_color=SKY, ground_color=GROUND_LIGHT, intensity=2.0)
         self._floor = scene.add_grid("/floor", width=100.0, height=100.0, cell_size=1.0, section_size=5.0, plane="xy",
-                                     infinite_grid=True, shadow_opacity=0.25)
+                                     infinite_grid=True, shadow_opacity=0.25, position=_GRID)
         for name in [name for _, name in LAYERS] + ["names"]:
             scene.add_frame("/" + name, show_axes=False)
         self.world, self._robots = Batches(scene, "/world"), Batches(scene, "/robots")
