@@ -224,3 +224,13 @@ def test_a_disabled_layer_writes_nothing(obstacles):
     see(obstacles.sources["laser"], 0.0, [[4.55, 3.05, 0.3]])
     whole.update(MIDDLE, 0.0)
     assert not whole.snapshot().costs.any()
+
+
+def test_layers_are_measured_by_the_clock_that_is_given():
+    ticks = iter(range(100))
+    made = LayeredCostmap("odom", (6.0, 6.0), RESOLUTION, (0.0, 0.0), False, False, lambda: float(next(ticks)))
+    made.set_footprint(CORNERS)
+    made.add(layer("costmap_2d::ObstacleLayer"))
+    made.add(layer("costmap_2d::InflationLayer"))
+    made.update(np.zeros(3), 1.0)
+    assert set(made.spent) == {each.name for each in made.layers} and set(made.spent.values()) == {2.0}

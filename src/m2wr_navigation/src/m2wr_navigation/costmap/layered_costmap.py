@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import TYPE_CHECKING, List, Optional, Tuple
+from typing import TYPE_CHECKING, Callable, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -39,10 +39,19 @@ class LayeredCostmap:
         Whether the costmap follows the robot.
     track_unknown : bool
         Whether cells of which no layer knows anything are unknown; otherwise they are free.
+    clock : callable, optional
+        Gives the time [s] by which the layers are measured; None: they are not.
+
+    Attributes
+    ----------
+    spent : dict of str to float
+        Time that each layer took in the last update, by its name [s]; empty without a clock.
     """
 
     def __init__(self, frame: str, size: Tuple[float, float], resolution: float, origin: Tuple[float, float],
-                 rolling: bool, track_unknown: bool) -> None:
+                 rolling: bool, track_unknown: bool, clock: Optional[Callable[[], float]] = None) -> None:
+        self._clock = clock or (lambda: 0.0)
+        self.spent: Dict[str, float] = {}
         self.rolling, self._default = rolling, NO_INFORMATION if track_unknown else FREE
         self.layers: List[Layer] = []
         self.lock = threading.RLock()         # of the layers; held during an update
@@ -140,15 +149,19 @@ class LayeredCostmap:
                 self._follow(pose)
             else:
                 self._fit_static_map()
-            window = Window.empty()
+            window, self.spent = Window.empty(), {}
             for layer in self.layers:
+                began = self._clock()
                 window = layer.update_window(self.master, pose, window, now)
+                self.spent[layer.name] = self._clock() - began
             if self._renewed:
                 window, self._renewed = Window.whole(self.master), False
             if not window.is_empty:
                 self.master.costs[window.slices] = self._default
                 for layer in self.layers:
+                    began = self._clock()
                     layer.update_costs(self.master, window)
+                    self.spent[layer.name] += self._clock() - began
                 self._show(window)
             self._was_updated = True
             return window

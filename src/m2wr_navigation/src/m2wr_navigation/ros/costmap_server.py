@@ -30,6 +30,7 @@ from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import Source
 from m2wr_navigation.costmap.obstacle_layer import ObstacleLayer
 from m2wr_navigation.costmap.static_layer import MapError, StaticLayer
+from m2wr_navigation.overruns import OverrunMonitor
 from m2wr_navigation.parameters import read
 from m2wr_navigation.ros.grid_messages import grid_message, update_message
 from m2wr_navigation.ros.reconfigure import serve
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
 
 LOOK = 0.05                 # s of wall time between two looks at the clock while it stands
 PATIENCE = 5.0              # s of wall time between two messages about what the start waits for
-OVERRUNS = 5                # updates one after the other that take too long, before a warning
-OVERRUN_PERIOD = 60.0       # s between two warnings that updates take too long
 
 
 class CostmapError(ValueError):
@@ -81,7 +80,8 @@ class CostmapServer:
         values = self.values
         self.costmap = LayeredCostmap(
             self.frame, (values["width"], values["height"]), values["resolution"],
-            (values["origin_x"], values["origin_y"]), values["rolling_window"], values["track_unknown_space"])
+            (values["origin_x"], values["origin_y"]), values["rolling_window"], values["track_unknown_space"],
+            time.thread_time)
         self._take_footprint()
         self._inputs: List[SensorInput] = []
         self._keep: List[Any] = []              # subscribers and servers
@@ -243,7 +243,7 @@ class CostmapServer:
         return self.costmap.snapshot()
 
     def _run(self) -> None:
-        last, warned, overruns = -math.inf, -math.inf, 0
+        last, monitor = -math.inf, OverrunMonitor()
         while not rospy.is_shutdown():
             rate, now = self.values["update_frequency"], rospy.get_time()
             if rate <= 0.0 or 0.0 <= now - last < 1.0 / rate:
@@ -258,11 +258,19 @@ class CostmapServer:
                 raise
             self.busy_ms = 1e3 * (time.thread_time() - began)
             spent = rospy.get_time() - now
-            overruns = overruns + 1 if spent > 1.0 / rate else 0
-            if overruns >= OVERRUNS and not 0.0 <= now - warned < OVERRUN_PERIOD:
-                warned = now
-                rospy.logwarn("%s: an update took %.3f s (%.0f ms of CPU); expected at most %.3f s (update_frequency "
-                              "%.3g Hz)", self.name, spent, self.busy_ms, 1.0 / rate, rate)
+            if monitor.is_due(now, spent, 1.0 / rate):
+                rospy.logwarn("%s: an update took %.3f s (%.0f ms of CPU, most of it in %s); expected at most %.3f s "
+                              "(update_frequency %.3g Hz)", self.name, spent, self.busy_ms, self._slowest(),
+                              1.0 / rate, rate)
+
+    def _slowest(self) -> str:
+        """Return the layer that took most of the last update, with its CPU time."""
+        spent = self.costmap.spent
+        name = max(spent, key=lambda layer: spent[layer]) if spent else ""
+        rest = 1e-3 * self.busy_ms - sum(spent.values())        # of sensors and messages
+        if not name or rest > spent[name]:
+            return "sensor data and messages: {:.0f} ms".format(1e3 * rest)
+        return "{}: {:.0f} ms".format(name, 1e3 * spent[name])
 
     def update(self, now: float) -> None:
         """Update once and publish what is due.

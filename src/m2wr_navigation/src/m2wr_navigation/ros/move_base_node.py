@@ -31,6 +31,7 @@ from m2wr_navigation.kernel_warm_up import (
     compile_costmap_kernels,
     compile_planner_kernels,
 )
+from m2wr_navigation.overruns import OverrunMonitor
 from m2wr_navigation.parameters import read, unknown
 from m2wr_navigation.planners.planner import Plan
 from m2wr_navigation.ros.controller_server import ControllerServer
@@ -174,7 +175,7 @@ class MoveBase:
         """Follow a goal, and those that replace it, until one ends."""
         if not self._begin(goal.target_pose):
             return
-        last = -math.inf
+        last, monitor = -math.inf, OverrunMonitor()
         while not self._end.is_set() and not rospy.is_shutdown():
             if self._server.is_preempt_requested():
                 if not self._server.is_new_goal_available():
@@ -187,8 +188,13 @@ class MoveBase:
             if 0.0 <= now - last < period:
                 time.sleep(min(LOOK, max(0.0005, period - (now - last))))
                 continue
-            last = now
+            last, began = now, time.thread_time()
             outcome = self._cycle(now)
+            spent = rospy.get_time() - now
+            if monitor.is_due(now, spent, period):
+                rospy.logwarn("a control cycle took %.3f s (%.0f ms of CPU, controller %s); expected at most %.3f s "
+                              "(controller_frequency %.3g Hz)", spent, 1e3 * (time.thread_time() - began),
+                              self._controller.name, period, 1.0 / period)
             if outcome.result:
                 self._finish()
                 rospy.loginfo("%s %s", outcome.text, " ".join(outcome.messages))
