@@ -3,6 +3,7 @@
 import pytest
 
 from m2wr_sim.model.model_folders import ModelFolders, exported_paths, standard_folders
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.model.xml.safe import XmlError
 
 EXPORT = '<package format="2"><name>{0}</name><export><gazebo_ros {1}="{2}"/></export></package>'
@@ -105,3 +106,19 @@ def test_newest_supported_version_is_used_else_the_oldest(tmp_path, listed, take
     (folder / "model.config").write_text("<model>%s</model>" % "".join(
         '<sdf version="%s">%s.sdf</sdf>' % (version, version) for version in listed))
     assert ModelFolders([str(tmp_path)])("model://m") == str(folder / (taken + ".sdf"))
+
+
+def test_a_folder_of_material_scripts_is_found_by_its_uri(tmp_path):
+    scripts = tmp_path / "wall" / "materials" / "scripts"
+    scripts.mkdir(parents=True)
+    folders = ModelFolders([str(tmp_path)])
+    assert folders.folder("model://wall/materials/scripts") == str(scripts)
+    assert folders.folder("model://wall/materials/textures") is None
+    with pytest.raises(XmlError, match=r"\.\."):
+        folders.folder("model://../etc")
+    text = """<sdf version="1.6"><world name="w"><model name="m"><static>1</static><link name="l"><visual name="v">
+        <geometry><box><size>1 1 1</size></box></geometry><material><script>
+        <uri>model://wall/materials/scripts</uri><uri>model://wall/../..</uri><name>a/b</name></script></material></visual>
+        </link></model></world></sdf>"""
+    visual = load_world(text, "w.world", folders).models[0].links[0].visuals[0]
+    assert (visual.scripts, visual.material) == ((str(scripts),), "a/b")

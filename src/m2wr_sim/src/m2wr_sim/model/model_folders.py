@@ -126,6 +126,27 @@ class ModelFolders:
             found = self._first([os.path.join(self._stand_ins, uri[len("model://"):].strip("/"))])
         return found
 
+    def folder(self, uri: str) -> Optional[str]:
+        """Return the path of the folder of a URI, such as ``model://NAME/materials/scripts``; None if there is none.
+
+        Parameters
+        ----------
+        uri : str
+            As in a call.
+
+        Raises
+        ------
+        XmlError
+            If the path contains ``..``.
+        """
+        for ask in (False, True):
+            if ask and not self._ask_packages():
+                break
+            found = next((path for path in self._candidates(uri) if os.path.isdir(path)), None)
+            if found is not None:
+                return found
+        return None
+
     def names(self, most: int) -> List[str]:
         """Return the names of the models in all folders, at most ``most`` of them, sorted."""
         self._ask_packages()

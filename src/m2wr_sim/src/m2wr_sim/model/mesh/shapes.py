@@ -270,6 +270,9 @@ class MeshReader:
             raise XmlError("nothing is downloaded; expected model://, package://, file:// or a path")
         if ".." in rest.replace("\\", "/").split("/"):
             raise XmlError('the path leaves its folder; expected one without ".."')
+        if folder:
+            in_folders = getattr(self._resolve_model, "folder", None)
+            candidates.append(in_folders(uri.strip()) if in_folders is not None and not os.path.isabs(rest) else None)
         for candidate in candidates:
             note_file(candidate or "")
             if candidate is not None and (os.path.isfile(candidate) or (folder and os.path.isdir(candidate))):
