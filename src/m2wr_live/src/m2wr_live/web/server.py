@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The server: viser's, behind a check of each request, with this package's own script in the page.
 
-All that uses private parts of viser is here; its version is pinned.
+It uses private parts of viser; its version is pinned.
 """
 from __future__ import annotations
 

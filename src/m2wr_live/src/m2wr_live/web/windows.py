@@ -2,7 +2,7 @@
 """Sends viser's messages to pages, each encoded once for all pages that get the same ones.
 
 viser encodes all messages again for each page, which with ten pages costs more than drawing. All that uses private
-parts of viser is here, in :mod:`m2wr_live.web.intake`, :mod:`m2wr_live.web.layers` and :mod:`m2wr_live.web.server`;
+parts of viser is here, in :mod:`m2wr_live.web.client_page`, ``intake``, ``layers`` and ``server`` of the same package;
 its version is pinned. The format is that of viser 1.1.1: sizes of the text before and after compression (2 x uint64),
 the text (msgpack, zstd), then arrays, each at a multiple of 8 bytes.
 """
