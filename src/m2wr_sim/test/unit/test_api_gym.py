@@ -13,6 +13,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="the optional Python package
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from m2wr_sim.api import gym_env, read_robot, read_world  # noqa: E402
+from m2wr_sim.api.gym_base import check_render_mode  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -155,12 +156,17 @@ def test_scan_holds_the_least_range_of_each_group(env):
 
 @pytest.mark.parametrize("options, text", [
     ({"beams": 7}, "expected a divisor of the laser's 720"),
-    ({"render_mode": "human"}, "expected None or one of rgb_array: the live view"),
     ({"render_mode": "ansi"}, "expected None or one of rgb_array"),
     ({"goal_radius": 3.0}, "goal_radius")])
 def test_unusable_options_are_refused(scene, options, text):
     with pytest.raises(ValueError, match=text):
         gym_env.GoToGoalEnv(**dict(scene, **options))
+
+
+def test_human_needs_the_live_view():
+    check_render_mode("human", ["rgb_array", "human"])
+    with pytest.raises(ValueError, match="'human'; expected None or one of rgb_array: the live view needs the package"):
+        check_render_mode("human", ["rgb_array"])
 
 
 def test_bug2_environments_have_a_fixed_start_and_goal():

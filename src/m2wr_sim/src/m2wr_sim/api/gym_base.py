@@ -5,8 +5,10 @@ It needs the Python package gymnasium, which nothing else in this package does.
 """
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import math
-from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from numpy.typing import NDArray
 
-    from m2wr_sim.api.gym_picture import EnvPicture
     from m2wr_sim.api.records import StepResult
     from m2wr_sim.model.types import Model, World
 
@@ -35,6 +36,17 @@ if TYPE_CHECKING:
 
 CLEARANCE = 0.7                 # m from a drawn place to the nearest obstacle: m2wr turns within 0.45 m
 TRIES = 1000
+#: Module with the class EnvView, of a package above this one that need not be there.
+VIEW = "m2wr_live.ros.env_view"
+
+
+def render_modes() -> List[str]:
+    """Return the render modes: ``rgb_array``, and ``human`` where the live view and its library are installed."""
+    try:
+        there = all(importlib.util.find_spec(module) is not None for module in ("viser", VIEW))
+    except ImportError:             # a package around the module is missing
+        there = False
+    return ["rgb_array"] + ["human"] * there
 
 
 class RobotEnv(gymnasium.Env):
@@ -64,7 +76,8 @@ class RobotEnv(gymnasium.Env):
     area : (4,) floats
         Bounds of places that are drawn: x min, x max, y min, y max [m].
     render_mode : str, optional
-        ``rgb_array``: :meth:`render` returns an image from above, (800, 800, 3) uint8.
+        ``rgb_array``: :meth:`render` returns an image from above, (800, 800, 3) uint8. ``human``, if m2wr_live is
+        there: pages in web browsers watch in real time; the address is printed.
     **options
         The other options of Sim.
 
@@ -74,14 +87,14 @@ class RobotEnv(gymnasium.Env):
         If the number of laser beams is no multiple of ``beams``, or an option has an unusable value.
     """
 
-    metadata: Dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: Dict[str, Any] = {"render_modes": render_modes(), "render_fps": 10}
 
     def __init__(self, world: Union[World, str, os.PathLike[str]], robot: Union[Model, str, os.PathLike[str]],
                  duration: float, time_limit: float, beams: int, max_linear: float, max_angular: float,
                  area: Tuple[float, float, float, float], render_mode: Optional[str], **options: Any) -> None:
         check_render_mode(render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        self._picture: Optional[EnvPicture] = None
+        self._picture: Any = None
         self._sim = Sim(world, robot, sensing="now", **options)
         try:
             laser = self._sim.lasers()[0] if self._sim.lasers() else None
@@ -219,14 +232,16 @@ class RobotEnv(gymnasium.Env):
         return x, y, self.np_random.uniform(-math.pi, math.pi)
 
     def _begin_picture(self, result: StepResult) -> None:
-        if self._picture is None:
+        if self._picture is None and self.render_mode == "human":
+            self._picture = importlib.import_module(VIEW).EnvView(self._sim, self._name)
+        elif self._picture is None:
             from m2wr_sim.api.gym_picture import EnvPicture  # the renderer is loaded only if images are used
             self._picture = EnvPicture(self._sim, self._name)
         self._picture.begin(self._marked())
         self._picture.take(result)
 
     def render(self) -> Optional[NDArray[np.uint8]]:
-        """Return the present image, (800, 800, 3) uint8, or None without a ``render_mode``.
+        """Return the present image, (800, 800, 3) uint8; None with ``human`` and without a ``render_mode``.
 
         Raises
         ------
@@ -240,7 +255,10 @@ class RobotEnv(gymnasium.Env):
         return self._picture.draw()
 
     def close(self) -> None:
-        """Free the world."""
+        """Free the world; called again it does nothing."""
+        if self._picture is not None and self.render_mode == "human":
+            self._picture.close()
+        self._picture = None
         self._sim.close()
 
 
@@ -272,8 +290,8 @@ def check_render_mode(mode: Optional[str], modes: Sequence[str]) -> None:
     ValueError
         If it has no such mode.
     """
-    if mode == "human":
-        raise ValueError("render_mode 'human'; expected None or one of %s: the live view of m2wr_live shows a "
-                         "simulation that is a ROS node, not one in this process" % ", ".join(modes))
+    if mode == "human" and mode not in modes:
+        raise ValueError("render_mode 'human'; expected None or one of %s: the live view needs the package m2wr_live "
+                         "of the workspace" % ", ".join(modes))
     if mode is not None and mode not in modes:
         raise ValueError("render_mode %r; expected None or one of %s" % (mode, ", ".join(modes)))
