@@ -43,6 +43,7 @@ if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
             (enter_run_environment && "$PYTHON" -m "$package.kernel_warm_up")
         done
         (enter_run_environment && "$PYTHON" -m m2wr_exploration.kernel_warm_up)
+        (enter_run_environment && "$PYTHON" -m m2wr_elevation.kernel_warm_up)
         : > "$CATKIN_BUILD/.m2wr_kernels"
     fi
 fi

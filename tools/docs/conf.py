@@ -28,7 +28,7 @@ autodoc_preserve_defaults = True
 autodoc_mock_imports = [
     "actionlib_msgs", "control_msgs", "controller_manager_msgs", "diagnostic_msgs", "four_wheel_steering_msgs",
     "kobuki_msgs",
-    "gazebo_msgs", "genpy", "geometry_msgs", "m2wr_gmapping.srv", "m2wr_lockstep.srv",
+    "gazebo_msgs", "genpy", "geometry_msgs", "grid_map_msgs", "m2wr_gmapping.srv", "m2wr_lockstep.srv",
     "message_filters", "nav_msgs", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch", "roslib", "rosnode", "rosparam",
     "rospkg", "rospy", "rosservice", "rostopic", "sensor_msgs", "std_msgs", "std_srvs", "tf", "tf2_msgs", "tf2_ros",
     "trajectory_msgs", "visualization_msgs",

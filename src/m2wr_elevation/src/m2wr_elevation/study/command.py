@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``rosrun m2wr_elevation compare``: planning over the elevation map against planning as if ground were flat."""
+from __future__ import annotations
+
+import argparse
+import csv
+import multiprocessing
+import os
+import sys
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_campaign.terrain.relief import RELIEFS
+from m2wr_elevation.study.drive import PLANNERS, to_goal
+from m2wr_navigation.compare.statistics import wilson
+from m2wr_sim.errors import SimError
+
+HARD = {"fractal": 0.05, "craters": 0.5, "rubble": 0.06}        # m
+EXAM = 1000                 # seeds below it were used while costs were chosen
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="compare", description="Drive m2wr_rough over rough ground to a goal 6 m "
+                                     "ahead, by its elevation map and as if the ground were flat.")
+    parser.add_argument("--grounds", type=int, default=100, help="how many (default: 100)")
+    parser.add_argument("--seed", type=int, default=EXAM, help="of the first ground (default: {})".format(EXAM))
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="default: one for each core")
+    parser.add_argument("--output", default="planning.csv", help="table of all drives (default: planning.csv)")
+    for name in sorted(RELIEFS):
+        parser.add_argument("--" + name, type=float, default=HARD.get(name, 0.0), metavar="HEIGHT",
+                            help="height of this relief, in metres (default: {:g})".format(HARD.get(name, 0.0)))
+    return parser
+
+
+def _one(task: Tuple[str, Dict[str, float], int]) -> Dict[str, Any]:
+    return to_goal(*task)
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Default: of the command line.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 2 if something given is wrong or a file cannot be written.
+    """
+    given = _parser().parse_args(arguments)
+    try:
+        if given.grounds < 1 or given.seed < 0 or given.processes < 1:
+            raise ValueError("--grounds {}, --seed {}, --processes {}; expected at least 1, 0 and 1".format(
+                given.grounds, given.seed, given.processes))
+        reliefs = {name: getattr(given, name) for name in RELIEFS}
+        tasks = [(planner, reliefs, given.seed + number) for number in range(given.grounds) for planner in PLANNERS]
+        rows: List[Dict[str, Any]]
+        if given.processes == 1:
+            rows = [_one(task) for task in tasks]
+        else:
+            with multiprocessing.get_context("spawn").Pool(given.processes) as pool:
+                rows = pool.map(_one, tasks, chunksize=1)
+        with open(given.output, "w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    except (ValueError, OSError, SimError) as error:
+        print("compare: {}".format(error), file=sys.stderr)
+        return 2
+    print("planner     reached  95 %         tipped slipped stuck  time [s]  length [m]  RMS of the map [cm]")
+    for planner in PLANNERS:
+        own = [row for row in rows if row["planner"] == planner]
+        count = {name: sum(row["outcome"] == name for row in own) for name in ("reached", "tipped", "slipped", "stuck")}
+        low, high = wilson(count["reached"], len(own))
+        good = [row for row in own if row["outcome"] == "reached"] or own
+        print("{:10} {:6} of {:<4} {:.2f} to {:.2f} {:5} {:7} {:5} {:9.1f} {:11.2f} {:14.2f}".format(
+            planner, count["reached"], len(own), low, high, count["tipped"], count["slipped"], count["stuck"],
+            float(np.median([row["time"] for row in good])), float(np.median([row["length"] for row in good])),
+            100.0 * float(np.median([row["rms"] for row in own]))))
+    return 0
