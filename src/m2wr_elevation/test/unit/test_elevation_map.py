@@ -93,6 +93,27 @@ def test_a_cloud_from_a_wrong_place_is_moved_onto_the_map():
     assert moved == pytest.approx((-0.015, 0.01, -0.03), abs=0.005)
 
 
+def test_a_hole_stays_unknown_and_its_edge_can_be_told():
+    elevation = ElevationMap(SETTINGS)
+    elevation.move(0.0, 0.0)
+    x, y = np.random.default_rng(0).uniform(-1.9, 1.9, (2, 20000))
+    solid = np.hypot(x, y) > 0.6            # nothing comes back from a hole without a floor
+    points = np.column_stack((x, y, np.zeros(len(x))))[solid] - ABOVE
+    elevation.add(points, np.eye(3), ABOVE, ABOVE)
+    layers = elevation.layers()
+    for name in ("elevation", "traversability"):
+        assert np.all(np.isnan(layers[name][17:23, 17:23]))
+    assert np.all(layers["traversability"][3:8, 3:37] > 0.9)
+
+
+def test_below_an_overhang_the_upper_side_counts():
+    """One height a cell: a roof of 1 m above the ground blocks the way, though a robot would fit below it."""
+    elevation = made(lambda x, y: 0.0 * x)
+    look(lambda x, y: 1.0 + 0.0 * x, elevation, seed=1, limit=0.5)
+    layers = elevation.layers()
+    assert layers["elevation"][20, 20] == pytest.approx(1.0) and np.nanmin(layers["traversability"][20, 12:17]) == 0.0
+
+
 @pytest.mark.parametrize("words, told", [
     ({"cell": 0.0}, "cell is 0.0"), ({"size": math.nan}, "size is nan"), ({"size": 1000.0}, "10 to 1000 cells"),
     ({"most_slope": -1.0}, "most_slope is -1")])

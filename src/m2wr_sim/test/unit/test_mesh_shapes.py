@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Meshes, heightmaps and polylines in SDF and URDF: where files are looked for, what they become, what is told."""
+import math
+import struct
+import zlib
+
 import numpy as np
 import pytest
 
@@ -263,6 +267,45 @@ def test_a_picture_that_cannot_be_had_is_reported(folder, content, said):
         (folder / "h.png").write_bytes(content)
     shapes, (note,) = load(folder, heightmap())
     assert shapes == [] and said in note and "heightmap h.png" in note and "collision[c]" in note
+
+
+def png_header(width, height):
+    """Return the beginning of a PNG of 16 bit grey, without pixels."""
+    header = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in ((b"IHDR", header), (b"IDAT", b""), (b"IEND", b"")))
+
+
+@pytest.mark.parametrize("size", [(20000, 20000), (10000, 10000), (65500, 2000)])
+def test_a_picture_beyond_all_bounds_is_not_read(folder, size):
+    (folder / "h.png").write_bytes(png_header(*size))
+    shapes, (note,) = load(folder, heightmap())
+    assert shapes == [] and "pixels" in note and "this collision is left out" in note
+
+
+@pytest.mark.parametrize("levels, said", [
+    (np.array([[0.0, math.nan], [1.0, 1.0]], np.float32), "all finite"),
+    (np.full((1, 1), 0.5, np.float32), "1 x 1 pixels"),
+    (np.array([[0.0, math.inf], [1.0, 1.0]], np.float32), "all finite")])
+def test_heights_without_a_surface_are_refused(folder, levels, said):
+    Image.fromarray(levels).save(str(folder / "h.tif"))
+    shapes, (note,) = load(folder, heightmap(name="h.tif"))
+    assert shapes == [] and (said in note or "TIFF picture; expected one of" in note)
+
+
+@pytest.mark.parametrize("levels", [np.zeros((1, 1), np.uint8), np.zeros((1, 9), np.uint16),
+                                    np.zeros((9, 1), np.uint8)])
+def test_one_row_or_column_is_no_ground(folder, levels):
+    picture(folder, levels)
+    shapes, (note,) = load(folder, heightmap())
+    assert shapes == [] and "expected at least 2 x 2" in note
+
+
+def test_ground_that_is_not_square_keeps_its_sides(folder):
+    picture(folder, np.arange(15, dtype=np.uint16).reshape(3, 5) * 1000)
+    (shape,), _ = load(folder, heightmap("<size>8 2 1.4</size><sampling>1</sampling>"))
+    assert shape.heights == pytest.approx(0.1 * np.arange(15).reshape(3, 5)) and shape.size == (8.0, 2.0)
 
 
 def test_a_heightmap_without_extent_is_skipped(folder):
