@@ -21,6 +21,7 @@ from m2wr_sim.model.types import (
     Surface,
 )
 from m2wr_sim.physics import height_kernels as kernels
+from m2wr_sim.physics.height_field_kernels import tops_of
 
 RADIUS, WIDTH, STEP_HEIGHT, GRAVITY = 0.1, 0.04, 0.02, 9.8
 MASS, SPIN = 5.4, 0.002         # of an axle with two wheels [kg], and about its axis of the wheels [kg m^2]
@@ -169,7 +170,7 @@ def test_the_edge_of_a_heightmap_carries_the_belly_of_a_box(make_engine, build):
 def contacts(heights, cell, kind, size, position, rpy):
     out = np.empty((kernels.MOST, kernels.CONTACT))
     pose = np.array(tuple(position) + tuple(quaternion_from_rpy(*rpy)))
-    count = kernels.height_contacts(heights, kernels.tops_of(heights), np.array(cell), FIELD, kind, np.array(size),
+    count = kernels.height_contacts(heights, tops_of(heights), np.array(cell), FIELD, kind, np.array(size),
                                     pose, out)
     return out[:count]
 

@@ -18,7 +18,7 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.physics import native_ode
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
-from m2wr_sim.physics.height_kernels import tops_of
+from m2wr_sim.physics.height_field_kernels import tops_of
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion, Vector
@@ -101,7 +101,7 @@ class _HeightData:
     ----------
     heights : (rows, columns) float64
     tops : (block rows, block columns) float64
-        See :func:`m2wr_sim.physics.height_kernels.tops_of`.
+        See :func:`m2wr_sim.physics.height_field_kernels.tops_of`.
     cell : (2,) float64
         Size of a cell along x and y [m].
     """

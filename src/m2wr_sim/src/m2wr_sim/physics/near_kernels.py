@@ -16,7 +16,8 @@ from numba.extending import intrinsic
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
-from m2wr_sim.physics.height_kernels import BLOCK, CONTACT, FIELD, MOST, NO_SHAPE, height_contacts
+from m2wr_sim.physics.height_field_kernels import BLOCK
+from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, height_contacts
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The ground of a heightmap: its frame, its heights at places, and which of its cells are near a shape."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Callable, Tuple
+
+import numpy as np
+
+try:
+    from numba import njit
+except ImportError:         # the engine without numba uses the same functions, slowly
+    def njit(**_: Any) -> Callable[[Any], Any]:
+        return lambda function: function
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Values = NDArray[np.float64]
+
+BLOCK = 8                   # cells a side of one entry of the table of greatest heights
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tops_of(heights: Values) -> Values:
+    """Return the greatest height of each block of BLOCK x BLOCK cells.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float64
+
+    Returns
+    -------
+    (block rows, block columns) float64
+    """
+    rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
+    tops = np.full(((rows + BLOCK - 1) // BLOCK, (columns + BLOCK - 1) // BLOCK), -math.inf)
+    for row in range(tops.shape[0]):
+        for column in range(tops.shape[1]):
+            for i in range(row * BLOCK, min(rows, (row + 1) * BLOCK) + 1):
+                for j in range(column * BLOCK, min(columns, (column + 1) * BLOCK) + 1):
+                    tops[row, column] = max(tops[row, column], heights[i, j])
+    return tops
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turn(pose: Values, x: float, y: float, z: float, sign: float) -> Tuple[float, float, float]:
+    """Rotate a vector by the quaternion of a pose, or back if ``sign`` is -1."""
+    qx, qy, qz, w = sign * pose[3], sign * pose[4], sign * pose[5], pose[6]
+    tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
+    return x + w * tx + qy * tz - qz * ty, y + w * ty + qz * tx - qx * tz, z + w * tz + qx * ty - qy * tx
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def into(field: Values, pose: Values) -> Tuple[Values, Values]:
+    """Return centre (3,) and axes (3, 3), one a row, of a shape in the frame of a heightmap.
+
+    libode's heightmaps have y up and z against the y of the frame used here.
+    """
+    centre, axes = np.empty(3), np.empty((3, 3))
+    x, y, z = turn(field, pose[0] - field[0], pose[1] - field[1], pose[2] - field[2], -1.0)
+    centre[0], centre[1], centre[2] = x, -z, y
+    for axis in range(3):
+        ux, uy, uz = turn(pose, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0, 1.0)
+        x, y, z = turn(field, ux, uy, uz, -1.0)
+        axes[axis, 0], axes[axis, 1], axes[axis, 2] = x, -z, y
+    return centre, axes
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add(out: Values, count: int, position: Tuple[float, float, float], normal: Tuple[float, float, float],
+        depth: float) -> int:
+    """Write a contact, if there is room; return the number of contacts.
+
+    Parameters
+    ----------
+    out : (n, 7) float64
+        Position, normal, depth of each contact.
+    count : int
+        How many there are.
+    position, normal : (float, float, float)
+    depth : float
+        [m]
+    """
+    if count < out.shape[0]:
+        for axis in range(3):
+            out[count, axis], out[count, 3 + axis] = position[axis], normal[axis]
+        out[count, 6] = depth
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def corner_of(heights: Values, cell: Values, row: int, column: int) -> Tuple[float, float, float]:
+    """Return the place of a sample; ``cell`` holds the size of a cell along x and y [m]."""
+    return (cell[0] * (column - 0.5 * (heights.shape[1] - 1)), cell[1] * (0.5 * (heights.shape[0] - 1) - row),
+            heights[row, column])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def ground_below(heights: Values, cell: Values, x: float, y: float) -> Tuple[float, float, float]:
+    """Return height and slopes along x and y of the ground at a place; nan outside."""
+    across, down = x / cell[0] + 0.5 * (heights.shape[1] - 1), 0.5 * (heights.shape[0] - 1) - y / cell[1]
+    if not (0.0 <= across <= heights.shape[1] - 1 and 0.0 <= down <= heights.shape[0] - 1):
+        return math.nan, 0.0, 0.0
+    column, row = min(int(across), heights.shape[1] - 2), min(int(down), heights.shape[0] - 2)
+    right, up = across - column, 1.0 - (down - row)
+    low, high = heights[row + 1, column], heights[row, column + 1]
+    middle = heights[row + 1, column + 1] if right >= up else heights[row, column]
+    if right >= up:
+        along, upwards = middle - low, high - middle
+    else:
+        along, upwards = high - middle, middle - low
+    return low + along * right + upwards * up, along / cell[0], upwards / cell[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def window_of(heights: Values, tops: Values, cell: Values, centre: Values, reach: Values,
+              window: NDArray[np.int64]) -> bool:
+    """Write first and last row and column of the cells below a box; return whether any reaches up to it."""
+    rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
+    left, right = (centre[0] - reach[0]) / cell[0] + 0.5 * columns, (centre[0] + reach[0]) / cell[0] + 0.5 * columns
+    top, bottom = 0.5 * rows - (centre[1] + reach[1]) / cell[1], 0.5 * rows - (centre[1] - reach[1]) / cell[1]
+    if not (right >= 0.0 and left <= columns and bottom >= 0.0 and top <= rows):
+        return False
+    window[0], window[1] = max(0, int(math.floor(max(top, 0.0)))), min(rows - 1, int(min(bottom, rows)))
+    window[2], window[3] = max(0, int(math.floor(max(left, 0.0)))), min(columns - 1, int(min(right, columns)))
+    window[0], window[2] = min(window[0], rows - 1), min(window[2], columns - 1)
+    lowest = centre[2] - reach[2]
+    for row in range(window[0] // BLOCK, window[1] // BLOCK + 1):
+        for column in range(window[2] // BLOCK, window[3] // BLOCK + 1):
+            if tops[row, column] >= lowest:
+                return True
+    return False

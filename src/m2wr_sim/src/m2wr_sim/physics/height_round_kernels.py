@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Contacts of a ball, or of the curved side of a cylinder, with a heightmap.
+
+A point of the ground is a contact if no other point near it is closer to the centre or axis; this holds for faces,
+edges and corners alike.
+"""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Callable, Tuple
+
+import numpy as np
+
+from m2wr_sim.physics.height_field_kernels import add, corner_of, ground_below, window_of
+
+try:
+    from numba import njit
+except ImportError:         # the engine without numba uses the same functions, slowly
+    def njit(**_: Any) -> Callable[[Any], Any]:
+        return lambda function: function
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Values = NDArray[np.float64]
+
+_MOST_NEAR = 512            # triangles that may be in contact with a ball or wheel
+_SAME_PLANE = 0.998         # as in contacts
+_TIE = 1e-9                 # m, distances that differ by less are equal
+_SIDE = 2e-3                # m, depth from which a wheel may be in contact with its side
+# Of a triangle near a shape: distance; u and v of the nearest point; first and last s in contact, and their distances;
+# row, column, which half of the cell; whether the ground leads no closer from there.  Its s, for a ball, is the first.
+_N_DISTANCE, _N_U, _N_V, _N_FIRST, _N_LAST, _N_FIRST_DISTANCE, _N_LAST_DISTANCE, _N_ROW, _N_COLUMN, _N_HALF, _N_OPEN = \
+    range(11)
+_NEAR_WORDS, _FOUND_WORDS = 11, 7
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _narrow(heights: Values, tops: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
+            reach: Values, window: NDArray[np.int64]) -> bool:
+    """Narrow the window to what of a ball or wheel is below the greatest height in it; return whether there is any.
+
+    ``frame`` and ``half`` as for :func:`_near_triangles`.
+    """
+    greatest = -math.inf
+    for row in range(window[0], window[1] + 2):
+        for column in range(window[2], window[3] + 2):
+            greatest = max(greatest, heights[row, column])
+    above = centre[2] - greatest
+    if half == 0.0:
+        if above >= radius:
+            return False
+        if above > 0.0:
+            reach[0] = reach[1] = math.sqrt(radius * radius - above * above)
+            return window_of(heights, tops, cell, centre, reach, window)
+        return True
+    level = math.sqrt(frame[2, 0] * frame[2, 0] + frame[2, 1] * frame[2, 1])    # sine of the axis with the vertical
+    if level < 0.7:
+        return True
+    low = (above - half * abs(frame[2, 2])) / level         # along the steepest direction in the plane of the wheel
+    if low >= radius:
+        return False
+    if low > 0.0:
+        across, down = math.sqrt(radius * radius - low * low) / level, radius * abs(frame[2, 2]) / level + half
+        for axis in range(2):
+            reach[axis] = across * abs(frame[2, 1 - axis]) + down * abs(frame[2, axis])
+        return window_of(heights, tops, cell, centre, reach, window)
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clip(polygon: Values, count: int, half: float, kept: Values) -> int:
+    """Clip a polygon of rows u, v, s to -half <= s <= half, in place; return its number of corners."""
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        number, inside = 0, 0
+        for index in range(count):
+            inside += 1 if half - sign * polygon[index, 2] >= 0.0 else 0
+        if inside == count:
+            continue
+        for index in range(count):
+            after = index + 1 if index + 1 < count else 0
+            one, two = half - sign * polygon[index, 2], half - sign * polygon[after, 2]
+            if one >= 0.0:
+                for axis in range(3):
+                    kept[number, axis] = polygon[index, axis]
+                number += 1
+            if (one > 0.0 and two < 0.0) or (one < 0.0 and two > 0.0):
+                share = one / (one - two)
+                for axis in range(3):
+                    kept[number, axis] = polygon[index, axis] + share * (polygon[after, axis] - polygon[index, axis])
+                number += 1
+        count = number
+        for index in range(count):
+            for axis in range(3):
+                polygon[index, axis] = kept[index, axis]
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nearest_to_axis(polygon: Values, count: int, radius: float, found: Values) -> None:
+    """Write a row of near points, up to its distances, for a polygon.
+
+    First and last s are those of all points nearest to the axis, of an edge each, that are in contact in about the same
+    direction: the contact of a wheel is in the middle even if it leans by less than its contact is deep.
+    """
+    found[_N_DISTANCE] = math.inf
+    for again in range(2):
+        for index in range(count):
+            after = index + 1 if index + 1 < count else 0
+            du, dv = polygon[after, 0] - polygon[index, 0], polygon[after, 1] - polygon[index, 1]
+            length = du * du + dv * dv
+            share = 0.0
+            if length > 0.0:
+                share = min(max(-(polygon[index, 0] * du + polygon[index, 1] * dv) / length, 0.0), 1.0)
+            u, v = polygon[index, 0] + share * du, polygon[index, 1] + share * dv
+            s = polygon[index, 2] + share * (polygon[after, 2] - polygon[index, 2])
+            distance = math.sqrt(u * u + v * v)
+            if again == 0:
+                if distance < found[_N_DISTANCE]:
+                    found[_N_DISTANCE], found[_N_U], found[_N_V] = distance, u, v
+                    found[_N_FIRST] = found[_N_LAST] = s
+                    found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = distance
+            elif distance < radius and (u * found[_N_U] + v * found[_N_V]
+                                        > _SAME_PLANE * distance * found[_N_DISTANCE]):
+                if s < found[_N_FIRST]:
+                    found[_N_FIRST], found[_N_FIRST_DISTANCE] = s, distance
+                if s > found[_N_LAST]:
+                    found[_N_LAST], found[_N_LAST_DISTANCE] = s, distance
+        if found[_N_DISTANCE] >= radius:
+            break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nearest_to_point(polygon: Values, found: Values) -> None:
+    """Write the point of a triangle nearest to the origin, after Ericson: Real-Time Collision Detection, 5.1.5."""
+    abx, aby, abz = polygon[1, 0] - polygon[0, 0], polygon[1, 1] - polygon[0, 1], polygon[1, 2] - polygon[0, 2]
+    acx, acy, acz = polygon[2, 0] - polygon[0, 0], polygon[2, 1] - polygon[0, 1], polygon[2, 2] - polygon[0, 2]
+    d1 = -(abx * polygon[0, 0] + aby * polygon[0, 1] + abz * polygon[0, 2])
+    d2 = -(acx * polygon[0, 0] + acy * polygon[0, 1] + acz * polygon[0, 2])
+    d3 = -(abx * polygon[1, 0] + aby * polygon[1, 1] + abz * polygon[1, 2])
+    d4 = -(acx * polygon[1, 0] + acy * polygon[1, 1] + acz * polygon[1, 2])
+    d5 = -(abx * polygon[2, 0] + aby * polygon[2, 1] + abz * polygon[2, 2])
+    d6 = -(acx * polygon[2, 0] + acy * polygon[2, 1] + acz * polygon[2, 2])
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    first = second = 0.0
+    if d1 <= 0.0 and d2 <= 0.0:
+        pass
+    elif d3 >= 0.0 and d4 <= d3:
+        first = 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        first = d1 / (d1 - d3)
+    elif d6 >= 0.0 and d5 <= d6:
+        second = 1.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        second = d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        second = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        first = 1.0 - second
+    else:
+        first, second = vb / (va + vb + vc), vc / (va + vb + vc)
+    u, v = polygon[0, 0] + first * abx + second * acx, polygon[0, 1] + first * aby + second * acy
+    s = polygon[0, 2] + first * abz + second * acz
+    found[_N_DISTANCE], found[_N_U], found[_N_V] = math.sqrt(u * u + v * v + s * s), u, v
+    found[_N_FIRST] = found[_N_LAST] = s
+    found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = found[_N_DISTANCE]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _apart(polygon: Values, radius: float, half: float) -> bool:
+    """Return whether a plane across the direction of a triangle's middle shows that it is farther than ``radius``."""
+    solid = 0.0 if half > 0.0 else 1.0
+    u, v = polygon[0, 0] + polygon[1, 0] + polygon[2, 0], polygon[0, 1] + polygon[1, 1] + polygon[2, 1]
+    s = solid * (polygon[0, 2] + polygon[1, 2] + polygon[2, 2])
+    limit = radius * math.sqrt(u * u + v * v + s * s)
+    for corner in range(3):
+        if u * polygon[corner, 0] + v * polygon[corner, 1] + s * polygon[corner, 2] <= limit:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
+                    window: NDArray[np.int64], near: Values) -> int:
+    """Write the triangles closer than ``radius``, with their nearest points; return their number.
+
+    ``frame`` has the directions u, v, s; s is the axis.  ``half`` is half the width, 0 for a ball.
+    """
+    corners, polygon, found = np.empty((4, 3)), np.empty((8, 3)), np.empty(_FOUND_WORDS)
+    kept = np.empty((8, 3))
+    count, flat = 0, cell[0] * cell[0] + cell[1] * cell[1]
+    for row in range(window[0], window[1] + 1):
+        for column in range(window[2], window[3] + 1):
+            low = high = heights[row, column]
+            for number in range(1, 4):
+                height = heights[row + number // 2, column + number % 2]
+                low, high = min(low, height), max(high, height)
+            x, y, _ = corner_of(heights, cell, row, column)
+            px, py = x + 0.5 * cell[0] - centre[0], y - 0.5 * cell[1] - centre[1]
+            pz = 0.5 * (low + high) - centre[2]
+            bound = 0.5 * math.sqrt(flat + (high - low) * (high - low))
+            s = px * frame[2, 0] + py * frame[2, 1] + pz * frame[2, 2]
+            away = px * px + py * py + pz * pz - (s * s if half > 0.0 else 0.0)
+            if away > (radius + bound) * (radius + bound) or (half > 0.0 and abs(s) > half + bound):
+                continue
+            for number in range(4):
+                x, y, z = corner_of(heights, cell, row + number // 2, column + number % 2)
+                for axis in range(3):
+                    corners[number, axis] = ((x - centre[0]) * frame[axis, 0] + (y - centre[1]) * frame[axis, 1]
+                                             + (z - centre[2]) * frame[axis, 2])
+            for part in range(2):       # corners 0 1 / 2 3; the diagonal is from 2 to 1
+                for axis in range(3):
+                    polygon[0, axis], polygon[1, axis] = corners[2, axis], corners[1, axis]
+                    polygon[2, axis] = corners[3 * part, axis]
+                if _apart(polygon, radius, half):
+                    continue
+                if half > 0.0:
+                    sides = _clip(polygon, 3, half, kept)
+                    if sides == 0:
+                        continue
+                    _nearest_to_axis(polygon, sides, radius, found)
+                else:
+                    _nearest_to_point(polygon, found)
+                if found[_N_DISTANCE] < radius and count < near.shape[0]:
+                    for word in range(_FOUND_WORDS):
+                        near[count, word] = found[word]
+                    near[count, _N_ROW], near[count, _N_COLUMN], near[count, _N_HALF] = row, column, part
+                    count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_closest(heights: Values, cell: Values, centre: Values, frame: Values, near: Values, count: int) -> None:
+    """Mark the nearest points from which the ground leads no closer: they are in no triangle that comes closer."""
+    for index in range(count):
+        u, v, s = near[index, _N_U], near[index, _N_V], 0.5 * (near[index, _N_FIRST] + near[index, _N_LAST])
+        x = centre[0] + u * frame[0, 0] + v * frame[1, 0] + s * frame[2, 0]
+        y = centre[1] + u * frame[0, 1] + v * frame[1, 1] + s * frame[2, 1]
+        across, down = x / cell[0] + 0.5 * (heights.shape[1] - 1), 0.5 * (heights.shape[0] - 1) - y / cell[1]
+        near[index, _N_OPEN] = 1.0
+        for other in range(count):
+            if near[other, _N_DISTANCE] < near[index, _N_DISTANCE] - _TIE:
+                right, up = across - near[other, _N_COLUMN], 1.0 - (down - near[other, _N_ROW])
+                if -1e-7 <= right <= 1.0 + 1e-7 and -1e-7 <= up <= 1.0 + 1e-7 \
+                        and (up >= right - 1e-7 if near[other, _N_HALF] == 0.0 else right >= up - 1e-7):
+                    near[index, _N_OPEN] = 0.0
+                    break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sunk(heights: Values, cell: Values, centre: Values, radius: float, out: Values) -> int:
+    """Write the contact of a ball or wheel whose centre is below the ground; return 1, or 0 if it is above."""
+    ground, along, upwards = ground_below(heights, cell, centre[0], centre[1])
+    if not ground > centre[2]:
+        return 0
+    scale = 1.0 / math.sqrt(1.0 + along * along + upwards * upwards)
+    return add(out, 0, (centre[0], centre[1], ground), (-along * scale, -upwards * scale, scale),
+               radius + (ground - centre[2]) * scale)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, frame: Values, radius: float,
+                   half: float, wheel: bool, reach: Values, window: NDArray[np.int64], out: Values) -> int:
+    """Write the contacts of a ball, or of the curved side of a cylinder; return their number.
+
+    Parameters
+    ----------
+    heights, tops, cell
+        As for :func:`m2wr_sim.physics.height_kernels.height_contacts`.
+    centre : (3,) float64
+        Of the shape, in the frame of the heightmap [m].
+    frame : (3, 3) float64
+        Its axes, one a row; a cylinder is along the last.
+    radius, half : float
+        Radius, and half the width: 0 for a ball [m].
+    wheel : bool
+        Whether the contacts are in the middle where the ground is level across.
+    reach : (3,) float64
+        Half extents of the box around the shape [m]; changed.
+    window : (4,) int64
+        First and last row and column of the cells below it; changed.
+    out : (n, 7) float64
+        Written, in the frame of the heightmap.
+    """
+    if _sunk(heights, cell, centre, radius, out):
+        return 1
+    if not _narrow(heights, tops, cell, centre, frame, radius, half, reach, window):
+        return 0
+    near = np.empty((_MOST_NEAR, _NEAR_WORDS))
+    found = _near_triangles(heights, cell, centre, frame, radius, half, window, near)
+    _mark_closest(heights, cell, centre, frame, near, found)
+    solid = 0.0 if half > 0.0 else 1.0
+    count = 0
+    while count < out.shape[0] - 1:
+        best = -1
+        for index in range(found):
+            if near[index, _N_OPEN] > 0.0 and (best < 0 or near[index, _N_DISTANCE] < near[best, _N_DISTANCE]):
+                best = index
+        if best < 0 or near[best, _N_DISTANCE] < _TIE:
+            break
+        distance, u, v, w = near[best, _N_DISTANCE], near[best, _N_U], near[best, _N_V], solid * near[best, _N_FIRST]
+        depth, side, first, last = radius - distance, 0.0, best, best
+        if half > 0.0 and depth > _SIDE:
+            depth, side = _from_the_side(near, found, radius, half)
+        limit = distance + 0.5 * (radius - distance) if side != 0.0 else math.inf
+        for index in range(found):          # others on the same face
+            same = u * near[index, _N_U] + v * near[index, _N_V] + w * near[index, _N_FIRST]
+            if same > _SAME_PLANE * distance * near[index, _N_DISTANCE] and near[index, _N_DISTANCE] <= limit:
+                near[index, _N_OPEN] = 0.0
+                first = index if near[index, _N_FIRST] < near[first, _N_FIRST] else first
+                last = index if near[index, _N_LAST] > near[last, _N_LAST] else last
+        normal = (-(u * frame[0, 0] + v * frame[1, 0] + w * frame[2, 0]) / distance,
+                  -(u * frame[0, 1] + v * frame[1, 1] + w * frame[2, 1]) / distance,
+                  -(u * frame[0, 2] + v * frame[1, 2] + w * frame[2, 2]) / distance)
+        if side != 0.0:
+            normal = (side * frame[2, 0], side * frame[2, 1], side * frame[2, 2])
+        one, two = near[first, _N_FIRST], near[last, _N_LAST]
+        if half == 0.0:
+            one = two = w
+        elif wheel or side != 0.0:
+            one = two = 0.5 * (one + two)
+        for s in (one, two):
+            deep = depth
+            if one != two:
+                deep = radius - (near[first, _N_FIRST_DISTANCE] if s == one else near[last, _N_LAST_DISTANCE])
+            count = add(out, count, (centre[0] + u * frame[0, 0] + v * frame[1, 0] + s * frame[2, 0],
+                                     centre[1] + u * frame[0, 1] + v * frame[1, 1] + s * frame[2, 1],
+                                     centre[2] + u * frame[0, 2] + v * frame[1, 2] + s * frame[2, 2]), normal, deep)
+            if one == two:
+                break
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _from_the_side(near: Values, found: int, radius: float, half: float) -> Tuple[float, float]:
+    """Return the depth of what reaches deepest into a wheel, and from which side it comes: -1, 1, or 0 from below.
+
+    It comes from a side if it reaches less far into the wheel from there; the sign is that of the normal on the axis.
+    """
+    depth = 0.0
+    for index in range(found):
+        depth = max(depth, radius - near[index, _N_DISTANCE] if near[index, _N_OPEN] > 0.0 else 0.0)
+    least, greatest = math.inf, -math.inf
+    for index in range(found):
+        if radius - near[index, _N_DISTANCE] > 0.5 * depth:
+            least, greatest = min(least, near[index, _N_FIRST]), max(greatest, near[index, _N_LAST])
+    away, sign = (half - least, -1.0) if half - least < greatest + half else (greatest + half, 1.0)
+    return (away, sign) if away < depth else (depth, 0.0)
