@@ -112,3 +112,25 @@ def test_a_joint_with_two_axes_takes_a_value_for_each(make_rig, first, second):
     rig.run(0.05)
     spin = rig.engine.link_state(rig.simulator.models["rotor"].handle.links["link"]).angular_velocity
     assert sum(value * value for value in spin) == pytest.approx(first * first + second * second, rel=0.05)
+
+
+def test_the_second_axis_is_named_pushed_and_read(make_rig):
+    link = Link("link", inertial=Inertial(1.0, inertia=(0.5, 0.0, 0.0, 0.5, 0.0, 0.5)), gravity=False)
+    joint = Joint("knuckle", "universal", "world", "link", axis=Axis(xyz=(1.0, 0.0, 0.0)),
+                  axis2=Axis(xyz=(0.0, 1.0, 0.0), effort=2.0))
+    rig = make_rig(Model("rotor", (link,), (joint,)))
+    forces = Forces(rig.simulator)
+    rig.simulator.add_observer(forces, "forces")
+    api = JointApi(rig.simulator, forces)
+    assert api.apply_joint_effort(effort("rotor::knuckle::axis2", 50.0, 0.5)).success       # its limit is 2 N m
+    rig.run(0.5)
+    answer = api.get_joint_properties(srv.GetJointPropertiesRequest("knuckle"))
+    assert list(answer.rate) == pytest.approx([0.0, 2.0], abs=0.01)
+    assert list(answer.position) == pytest.approx([0.0, 0.5], abs=0.01)
+    assert api.set_joint_properties(properties("knuckle::axis2", damping=0.3)).success
+    assert rig.simulator.models["rotor"].joint_record("knuckle").axis2.damping == 0.3
+    rig.simulator.set_joint_positions("rotor", {"knuckle::axis2": 0.2})
+    assert api.get_joint_properties(srv.GetJointPropertiesRequest("knuckle::axis2")).position[0] == pytest.approx(0.2)
+    rig.run(0.01)
+    answer = api.get_joint_properties(srv.GetJointPropertiesRequest("knuckle"))
+    assert answer.position[1] == pytest.approx(0.2, abs=0.03)
