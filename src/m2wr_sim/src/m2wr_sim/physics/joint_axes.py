@@ -101,7 +101,13 @@ class NativePiston:
             self._library.dJointDestroy(self._joint)
 
     def attach(self, first: Any, second: Any) -> None:
-        """Attach the joint to two bodies; ``ode.environment`` is the world, and None detaches."""
+        """Attach the joint to two bodies.
+
+        Parameters
+        ----------
+        first, second : ode.Body, ode.environment or None
+            ``ode.environment`` is the world, None detaches.
+        """
         self._bodies = tuple(None if body is ode.environment else body for body in (first, second))     # type: ignore
         self._library.dJointAttach(self._joint, *(None if body is None else body_handle(self._library, body)
                                                   for body in self._bodies))
@@ -137,7 +143,13 @@ class NativePiston:
         return float(self._library.dJointGetPistonPosition(self._joint))
 
     def setParam(self, number: int, value: float) -> None:      # noqa: N802
-        """Set a parameter of libode."""
+        """Set a parameter of libode.
+
+        Parameters
+        ----------
+        number : int
+        value : float
+        """
         self._library.dJointSetPistonParam(self._joint, number, value)
 
     def getParam(self, number: int) -> float:                   # noqa: N802
