@@ -16,6 +16,7 @@ from m2wr_elevation.study.drive import PLANNERS, to_goal
 from m2wr_navigation.compare.statistics import wilson
 from m2wr_sim.errors import SimError
 
+COLUMNS = ("planner", "seed", "outcome", "time", "length", "tilt", "rms")
 HARD = {"fractal": 0.05, "craters": 0.5, "rubble": 0.06}        # m
 EXAM = 1000                 # seeds below it were used while costs were chosen
 
@@ -57,16 +58,15 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
                 given.grounds, given.seed, given.processes))
         reliefs = {name: getattr(given, name) for name in RELIEFS}
         tasks = [(planner, reliefs, given.seed + number) for number in range(given.grounds) for planner in PLANNERS]
-        rows: List[Dict[str, Any]]
-        if given.processes == 1:
-            rows = [_one(task) for task in tasks]
-        else:
-            with multiprocessing.get_context("spawn").Pool(given.processes) as pool:
-                rows = pool.map(_one, tasks, chunksize=1)
-        with open(given.output, "w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
+        rows: List[Dict[str, Any]] = []
+        with multiprocessing.get_context("spawn").Pool(given.processes) as pool, \
+                open(given.output, "w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
-            writer.writerows(rows)
+            for row in pool.imap(_one, tasks):          # each is written when it has ended
+                rows.append(row)
+                writer.writerow(row)
+                file.flush()
     except (ValueError, OSError, SimError) as error:
         print("compare: {}".format(error), file=sys.stderr)
         return 2
