@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Set, Tuple
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class StateTable:
 
 
 class _StateReader:
-    """Fills a table row by row; rows of static models are updated only if their pose has changed.
+    """Fills a table row by row; rows of static models are updated only after a model was placed.
 
     Parameters
     ----------
@@ -62,18 +62,16 @@ class _StateReader:
     """
 
     def __init__(self, rows: List[_Row], resting: Set[int]) -> None:
-        self._rows = [(index, link, state) for index, (_, link, state) in enumerate(rows)]
-        self._resting: Dict[int, Any] = {link: None for link in resting}
+        self._rows = [(index, state) for index, (_, _, state) in enumerate(rows)]
+        self._moving = [(index, state) for index, (_, link, state) in enumerate(rows) if link not in resting]
+        self._placements = -1
         self.table = StateTable([name for name, _, _ in rows])
 
     def read(self, engine: Engine) -> StateTable:
-        poses, twists, resting = self.table.poses, self.table.twists, self._resting
-        for index, link, state in self._rows:
-            if link in resting:
-                pose = engine.link_pose(link)
-                if pose == resting[link]:
-                    continue
-                resting[link] = pose
+        poses, twists, rows = self.table.poses, self.table.twists, self._moving
+        if engine.placements != self._placements:       # a static model may have been placed
+            self._placements, rows = engine.placements, self._rows
+        for index, state in rows:
             position, orientation, linear, angular = state(engine)
             poses[index] = tuple(position) + tuple(orientation)
             twists[index] = tuple(linear) + tuple(angular)
