@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from m2wr_live.scene.relief import height_of
 from m2wr_live.web.actions import PLACEABLE
 from m2wr_live.web.layers import add_layers
 from m2wr_live.web.picking import first_hit, on_ground, read_ray
@@ -240,12 +241,14 @@ class Panel:
             "/gizmo", scale=1.2, active_axes=(True, True, False), depth_test=False,
             position=(place.position[0], place.position[1], place.position[2] + 0.05),
             wxyz=(math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)))
-        height = place.position[2]
+        source = self._picture.source
+        above = place.position[2] - height_of(source.relief, place.position[0], place.position[1])
 
         @gizmo.on_update
         def _(_event: Any) -> None:
             w, x, y, z = (float(number) for number in gizmo.wxyz)
-            target = (float(gizmo.position[0]), float(gizmo.position[1]), height, yaw_of((x, y, z, w)))
+            px, py = float(gizmo.position[0]), float(gizmo.position[1])
+            target = (px, py, above + height_of(source.relief, px, py), yaw_of((x, y, z, w)))
             with self._lock:
                 self._dragged = target
 
