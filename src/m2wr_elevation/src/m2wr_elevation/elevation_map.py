@@ -146,10 +146,12 @@ class ElevationMap:
         moved[2] = -np.median(gap)
         prior = np.diag((1.0 / slip ** 2, 1.0 / slip ** 2, 0.0))
         for _ in range(_ROUNDS):
-            rest = np.abs(gap - rows @ moved)
+            # sums by einsum: the product of BLAS would keep a second core busy with waiting
+            rest = np.abs(gap - np.einsum("ni,i->n", rows, moved))
             # neighbouring points share errors, so that all of them count as _INDEPENDENT
             weight = np.minimum(1.0, _GAP / np.maximum(rest, 1e-9)) * (min(1.0, _INDEPENDENT / count) / _GAP ** 2)
-            moved = np.linalg.solve((rows * weight[:, None]).T @ rows + prior, (rows * weight[:, None]).T @ gap)
+            moved = np.linalg.solve(np.einsum("ni,n,nj->ij", rows, weight, rows) + prior,
+                                    np.einsum("ni,n,n->i", rows, weight, gap))
         return moved
 
     def add(self, points: NDArray[Any], rotation: Values, position: Values, axis: Values) -> int:
