@@ -19,7 +19,14 @@ def to_status(item: Item) -> DiagnosticStatus:
 
 
 def to_item(status: DiagnosticStatus, now: float) -> Item:
-    """Return the item of a message that came ``now`` [s]; a level that is unknown is an error."""
+    """Return the item of a message; a level that is unknown is an error.
+
+    Parameters
+    ----------
+    status : DiagnosticStatus
+    now : float
+        When it came [s].
+    """
     level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
     return Item(status.name, level if 0 <= level <= 3 else 2, status.message, status.hardware_id,
                 [(pair.key, pair.value) for pair in status.values], now)

@@ -20,7 +20,15 @@ _MOST_EVENTS = 64       # read at once
 
 
 def number(name: str, default: float, least: float, most: float) -> float:
-    """Return a private parameter; a value out of range is replaced by the default, with a warning."""
+    """Return a private parameter; a value out of range is replaced by the default, with a warning.
+
+    Parameters
+    ----------
+    name : str
+    default : float
+    least, most : float
+        The range, both ends included.
+    """
     value = rospy.get_param("~" + name, default)
     fits = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
     if fits and least <= value <= most:

@@ -75,6 +75,10 @@ class DeadReckoning:
         yaw : float
             Its heading [rad].
 
+        Returns
+        -------
+        float
+
         Raises
         ------
         ValueError

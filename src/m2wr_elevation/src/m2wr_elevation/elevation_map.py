@@ -165,6 +165,15 @@ class ElevationMap:
             Of the sensor in the map.
         axis : (3,) float64
             Place of the robot in the map, about which its orientation is uncertain [m].
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        ValueError
+            If a number of the pose is not finite.
         """
         pose = np.concatenate((np.asarray(rotation, float).ravel(), np.asarray(position, float)))
         if not np.all(np.isfinite(pose)):

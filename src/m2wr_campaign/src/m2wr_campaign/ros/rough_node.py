@@ -35,7 +35,7 @@ class RoughDrive:
         self._radius = float(rospy.get_param("~wheel_radius", 0.1))
         self._seed, height = int(rospy.get_param("~seed", 0)), float(rospy.get_param("~roughness", 0.03))
         if not (0.1 <= self._distance <= 8.0 and 0.0 < self._radius < 10.0 and self._seed >= 0):
-            raise ValueError("distance {:g}, wheel_radius {:g}, seed {}; expected 0.1 to 8 m, above 0, 0 or more".format(
+            raise ValueError("distance {:g}, wheel_radius {:g}, seed {}; expected 0.1 to 8 m, above 0, from 0".format(
                 self._distance, self._radius, self._seed))
         self._grid = Grid(513, 20.0)
         names = str(rospy.get_param("~reliefs", "fractal rubble")).split()
@@ -121,4 +121,3 @@ def main() -> int:
     except (ValueError, OSError, rospy.ServiceException) as error:
         rospy.logfatal("%s", error)
         return 1
-

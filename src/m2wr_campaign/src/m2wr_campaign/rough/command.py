@@ -24,7 +24,8 @@ def _parser() -> argparse.ArgumentParser:
                         help="model files or names (default: m2wr m2wr_rough)")
     parser.add_argument("--levels", nargs="+", type=float, default=list(LEVELS), metavar="HEIGHT",
                         help="heights of all reliefs, in metres (default: {})".format(" ".join(map(str, LEVELS))))
-    parser.add_argument("--reliefs", nargs="+", choices=sorted(RELIEFS), default=["fractal", "rubble"], metavar="RELIEF",
+    parser.add_argument("--reliefs", nargs="+", choices=sorted(RELIEFS), default=["fractal", "rubble"],
+                        metavar="RELIEF",
                         help="some of {} (default: fractal rubble)".format(", ".join(sorted(RELIEFS))))
     parser.add_argument("--friction", type=float, default=1.0, help="of the ground (default: 1)")
     parser.add_argument("--drives", type=int, default=24, help="for each robot and level (default: 24)")

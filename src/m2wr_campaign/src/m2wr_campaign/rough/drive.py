@@ -157,6 +157,10 @@ def on_relief(robot: str, reliefs: Dict[str, float], seed: int, friction: float 
         Of a side [m].
     samples : int
         Of a side, 2^n + 1.
+
+    Returns
+    -------
+    dict of str to object
     """
     grid = Grid(samples, size)
     heights = heights_of(grid, reliefs, seed)

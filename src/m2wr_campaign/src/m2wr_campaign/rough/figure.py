@@ -53,8 +53,8 @@ def draw(rows: Sequence[Mapping[str, Any]], path: str) -> None:
     for axes, robot in zip(panels[0], robots):
         for name, lines in shares(rows, robot).items():
             level, share, low, high = zip(*lines)
-            axes.plot([100.0 * x for x in level], [100.0 * y for y in share], color=COLOURS[name], label=name, marker="o",
-                      markersize=4)
+            axes.plot([100.0 * x for x in level], [100.0 * y for y in share], color=COLOURS[name], label=name,
+                      marker="o", markersize=4)
             axes.fill_between([100.0 * x for x in level], [100.0 * y for y in low], [100.0 * y for y in high],
                               color=COLOURS[name], alpha=0.15, linewidth=0.0)
         axes.set_title(os.path.splitext(os.path.basename(robot))[0])

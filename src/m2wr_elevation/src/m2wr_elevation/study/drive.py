@@ -48,6 +48,11 @@ def to_goal(planner: str, reliefs: Dict[str, float], seed: int, size: float = 20
     -------
     dict
         ``planner``, ``seed``, ``outcome``, ``time`` [s], ``length`` [m], ``tilt`` [rad], ``rms`` [m] of the map.
+
+    Raises
+    ------
+    ValueError
+        If there is no such planner.
     """
     if planner not in PLANNERS:
         raise ValueError('there is no planner "{}"; expected {}'.format(planner, " or ".join(PLANNERS)))

@@ -87,6 +87,10 @@ class MappingRobot:
         grid : Grid
         heights : (samples, samples) float64
             True heights [m].
+
+        Returns
+        -------
+        Errors
         """
         cell, side = self.map.settings.cell, self.map.height.shape[0]
         corner, here, true = self.map.corner, self.reckoning.position, self._sim.pose()[0]

@@ -120,8 +120,8 @@ def read_robot(robot: Union[Model, str, os.PathLike[str]], arguments: Optional[D
     ----------
     robot : Model, str or Path
         A record (returned as it is), the name of a robot of this workspace (``m2wr``, ``m2wr_rough``), the path of a
-        URDF, xacro or SDF file, or the text of one. A file is expanded by xacro where it needs to be, text only if ``arguments`` are
-        given: xacro runs code.
+        URDF, xacro or SDF file, or the text of one. A file is expanded by xacro where it needs to be, text only if
+        ``arguments`` are given: xacro runs code.
     arguments : dict, optional
         Values of xacro arguments, by name.
 

@@ -45,7 +45,20 @@ def tops_of(heights: Values) -> Values:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn(pose: Values, x: float, y: float, z: float, sign: float) -> Tuple[float, float, float]:
-    """Rotate a vector by the quaternion of a pose, or back if ``sign`` is -1."""
+    """Rotate a vector by the quaternion of a pose, or back.
+
+    Parameters
+    ----------
+    pose : (7,) float64
+        Position, which is not used, and quaternion x, y, z, w.
+    x, y, z : float
+    sign : float
+        1, or -1 to rotate back.
+
+    Returns
+    -------
+    (float, float, float)
+    """
     qx, qy, qz, w = sign * pose[3], sign * pose[4], sign * pose[5], pose[6]
     tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
     return x + w * tx + qy * tz - qz * ty, y + w * ty + qz * tx - qx * tz, z + w * tz + qx * ty - qy * tx
@@ -56,6 +69,11 @@ def into(field: Values, pose: Values) -> Tuple[Values, Values]:
     """Return centre (3,) and axes (3, 3), one a row, of a shape in the frame of a heightmap.
 
     libode's heightmaps have y up and z against the y of the frame used here.
+
+    Parameters
+    ----------
+    field, pose : (7,) float64
+        Of the heightmap and of the shape in the world: position [m], quaternion x, y, z, w.
     """
     centre, axes = np.empty(3), np.empty((3, 3))
     x, y, z = turn(field, pose[0] - field[0], pose[1] - field[1], pose[2] - field[2], -1.0)
@@ -81,6 +99,10 @@ def add(out: Values, count: int, position: Tuple[float, float, float], normal: T
     position, normal : (float, float, float)
     depth : float
         [m]
+
+    Returns
+    -------
+    int
     """
     if count < out.shape[0]:
         for axis in range(3):
@@ -92,14 +114,34 @@ def add(out: Values, count: int, position: Tuple[float, float, float], normal: T
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def corner_of(heights: Values, cell: Values, row: int, column: int) -> Tuple[float, float, float]:
-    """Return the place of a sample; ``cell`` holds the size of a cell along x and y [m]."""
+    """Return the place of a sample in the frame of the heightmap [m].
+
+    Parameters
+    ----------
+    heights : (rows, columns) float64
+        [m]
+    cell : (2,) float64
+        Size of a cell along x and y [m].
+    row, column : int
+        Of the sample.
+    """
     return (cell[0] * (column - 0.5 * (heights.shape[1] - 1)), cell[1] * (0.5 * (heights.shape[0] - 1) - row),
             heights[row, column])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def ground_below(heights: Values, cell: Values, x: float, y: float) -> Tuple[float, float, float]:
-    """Return height and slopes along x and y of the ground at a place; nan outside."""
+    """Return height [m] and slopes along x and y of the ground at a place; a height of nan outside.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float64
+        [m]
+    cell : (2,) float64
+        Size of a cell along x and y [m].
+    x, y : float
+        In the frame of the heightmap [m].
+    """
     across, down = x / cell[0] + 0.5 * (heights.shape[1] - 1), 0.5 * (heights.shape[0] - 1) - y / cell[1]
     if not (0.0 <= across <= heights.shape[1] - 1 and 0.0 <= down <= heights.shape[0] - 1):
         return math.nan, 0.0, 0.0
@@ -117,7 +159,25 @@ def ground_below(heights: Values, cell: Values, x: float, y: float) -> Tuple[flo
 @njit(cache=True, nogil=True, error_model="numpy")
 def window_of(heights: Values, tops: Values, cell: Values, centre: Values, reach: Values,
               window: NDArray[np.int64]) -> bool:
-    """Write first and last row and column of the cells below a box; return whether any reaches up to it."""
+    """Write first and last row and column of the cells below a box; return whether any reaches up to it.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float64
+        [m]
+    tops : (k, l) float64
+        Greatest heights of blocks of cells [m].
+    cell : (2,) float64
+        Size of a cell along x and y [m].
+    centre, reach : (3,) float64
+        Of the box, in the frame of the heightmap: middle and half extents [m].
+    window : (4,) int64
+        Written.
+
+    Returns
+    -------
+    bool
+    """
     rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
     left, right = (centre[0] - reach[0]) / cell[0] + 0.5 * columns, (centre[0] + reach[0]) / cell[0] + 0.5 * columns
     top, bottom = 0.5 * rows - (centre[1] + reach[1]) / cell[1], 0.5 * rows - (centre[1] - reach[1]) / cell[1]

@@ -281,6 +281,10 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
         First and last row and column of the cells below it; changed.
     out : (n, 7) float64
         Written, in the frame of the heightmap.
+
+    Returns
+    -------
+    int
     """
     if _sunk(heights, cell, centre, radius, out):
         return 1
