@@ -18,7 +18,7 @@ class Screw(Plugin):
     """Lets a screw joint advance by its pitch.
 
     With axis a through point c, unit vector u at right angles to a, and pitch k [m/rad], the row is the velocity of the
-    point c + |k| u along a - sign(k) a x u: the way along the axis less k times the rotation about it.
+    point c + abs(k) u along a - sign(k) a x u: the way along the axis less k times the rotation about it.
     """
 
     def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
