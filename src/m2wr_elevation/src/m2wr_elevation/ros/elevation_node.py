@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 PATIENCE = 0.1          # s of wall time that a cloud waits for the IMU
 _COSTS_EVERY, _SURFACE_EVERY = 5, 10        # clouds; lists of many numbers take longer to send than to compute
 _KEPT = 200             # messages of IMU and odometry
+_BACK = rospy.Duration(0.5)     # further back than messages overtake one another
 _TELL = 5.0             # s between two messages about one cause
 
 
@@ -57,8 +58,8 @@ class ElevationNode:
     def __init__(self) -> None:
         names = [name for name in MapSettings.__dataclass_fields__]
         given = {name: float(rospy.get_param("~" + name)) for name in names if rospy.has_param("~" + name)}
-        self._map = ElevationMap(MapSettings(**given))
-        self._reckoning = DeadReckoning(float(rospy.get_param("~axle", 0.0)))
+        self._settings, self._axle = MapSettings(**given), float(rospy.get_param("~axle", 0.0))
+        self._begin()
         self._base = frame(str(rospy.get_param("~base_frame", "link_chassis")))
         self._frame = frame(str(rospy.get_param("~map_frame", "elevation_map")))
         self._buffer = TransformBuffer(rospy.Duration(10.0), debug=False)
@@ -73,10 +74,16 @@ class ElevationNode:
         self._cloud: Optional[PointCloud2] = None
         self._imu: Deque[Imu] = deque(maxlen=_KEPT)
         self._odometry: Deque[Odometry] = deque(maxlen=_KEPT)
+        self._newest: Any = None        # stamp of the last message of odometry
         self._subscribers = [
             rospy.Subscriber("points", PointCloud2, self._on_cloud, queue_size=1, buff_size=1 << 24),
             rospy.Subscriber("imu/data", Imu, self._on_imu, queue_size=50),
             rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=50)]
+
+    def _begin(self) -> None:
+        """Begin with an empty map where the robot is."""
+        self._map, self._reckoning = ElevationMap(self._settings), DeadReckoning(self._axle)
+        self._restarted = False
 
     def _on_cloud(self, message: PointCloud2) -> None:
         with self._changed:
@@ -90,6 +97,11 @@ class ElevationNode:
 
     def _on_odometry(self, message: Odometry) -> None:
         with self._changed:
+            if self._newest is not None and self._newest - message.header.stamp > _BACK:
+                self._restarted, self._cloud = True, None       # the simulation was reset
+                self._odometry.clear()
+                self._imu.clear()
+            self._newest = message.header.stamp
             self._odometry.append(message)
 
     def run(self) -> None:
@@ -105,13 +117,16 @@ class ElevationNode:
                 odometry: List[Odometry] = []
                 while self._odometry and self._odometry[0].header.stamp <= stamp:
                     odometry.append(self._odometry.popleft())
+                if self._restarted:
+                    self._begin()
+                    rospy.logwarn("time has gone back: the map begins again")
             if imu is None:
                 rospy.logwarn_throttle(_TELL, "no orientation from %s yet; clouds are left out",
                                        rospy.resolve_name("imu/data"))
                 continue
             try:
                 self._take(cloud, imu, odometry)
-            except ValueError as error:
+            except (ValueError, np.linalg.LinAlgError) as error:
                 rospy.logwarn_throttle(_TELL, "cloud on %s is refused: %s", rospy.resolve_name("points"), error)
 
     def _imu_at(self, stamp: Any) -> Optional[Imu]:
