@@ -114,6 +114,19 @@ def _title(element: Any) -> str:
     return "<%s> with %s" % (element.tag, ", ".join(held)) if held else "<%s>" % element.tag
 
 
+def _texts(path: Path) -> List[str]:
+    """Return the texts of a file and of those beside it that it includes, directly or not."""
+    found: Dict[Path, str] = {}
+    waiting = [path]
+    while waiting:
+        file = waiting.pop()
+        if file not in found and file.is_file():
+            found[file] = file.read_text(encoding="utf-8")
+            names = re.findall(r"<xacro:include\s+filename=\"([^\"]+)\"", found[file])
+            waiting += [path.parent / name.rsplit("/", 1)[-1] for name in names]
+    return list(found.values())
+
+
 def same_robot(path: str) -> Iterator[Finding]:
     """Exercise 2: other files, the same robot, and no number of the wheels written twice.
 
@@ -129,10 +142,9 @@ def same_robot(path: str) -> Iterator[Finding]:
             yield Finding(False, "%s %s" % (key, what), "compare the texts: xacro FILE > a.urdf; diff a.urdf b.urdf")
     if mine == original:
         yield Finding(True, "it is the same robot, in %d parts" % len(mine))
-    texts = [file.read_text(encoding="utf-8") for file in sorted(Path(path).parent.iterdir())
-             if file.suffix in (".xacro", ".gazebo")]
-    names = re.findall(r"<xacro:property\s+name=\"(\w+)\"", "".join(texts))
-    used = [name for name in names if re.search(r"\$\{[^}]*\b%s\b" % name, "".join(texts))]
+    text = "".join(_texts(Path(path)))
+    names = re.findall(r"<xacro:property\s+name=\"(\w+)\"", text)
+    used = [name for name in names if re.search(r"\$\{[^}]*\b%s\b" % name, text)]
     yield Finding(bool(used), "properties that are used: %s" % (", ".join(used) or "none"),
                   "give the wheels' radius a name, <xacro:property name=\"wheel_radius\" value=\"0.1\"/>, and write "
                   "${wheel_radius} for it")
