@@ -5,9 +5,8 @@ from typing import Any, List, Optional, Tuple
 from visualization_msgs.msg import Marker, MarkerArray
 
 from m2wr_sim.model.types import Collision, MeshFile, Model, Visual
-from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.ros.convert import write_pose
-from m2wr_sim.ros.world_markers import MATERIALS, OTHER_COLOUR, is_robot, marker_of
+from m2wr_sim.ros.world_markers import MATERIALS, OTHER_COLOUR, MarkerPlugin, is_robot, marker_of
 from m2wr_sim.runtime.simulator import Simulator
 
 MOST = 2000             # markers of all models together
@@ -65,7 +64,7 @@ def visual_markers(name: str, record: Model) -> List[Marker]:
     return found
 
 
-class VisualMarkers(Plugin):
+class VisualMarkers(MarkerPlugin):
     """Publishes the looks of robots and of models with meshes whenever one was added or removed.
 
     Parameters
@@ -78,21 +77,6 @@ class VisualMarkers(Plugin):
     def __init__(self, simulator: Simulator, port: Any) -> None:
         self._simulator, self._port = simulator, port
         self._models: List[Any] = []
-        self.turn()
-
-    def configure(self, spec: Any, ctx: Any) -> None:
-        """Do nothing: this plugin belongs to no tag.
-
-        Parameters
-        ----------
-        spec, ctx
-            Not used.
-        """
-
-    def next_before(self, now_ns: int) -> Optional[int]:
-        return now_ns + self._simulator.step_ns if self._changed() else NEVER
-
-    def before_step(self, now_ns: int) -> None:
         self.turn()
 
     def _changed(self) -> bool:
@@ -108,13 +92,3 @@ class VisualMarkers(Plugin):
         if shown != before:
             found = [marker for model in shown for marker in visual_markers(model.name, model.record)]
             self._port.publish(MarkerArray([Marker(action=Marker.DELETEALL)] + found[:MOST]))
-
-    def reset(self, now_ns: int, rewound: bool) -> None:
-        """Publish changes.
-
-        Parameters
-        ----------
-        now_ns, rewound
-            Not used.
-        """
-        self.turn()

@@ -174,7 +174,46 @@ class LatchedPort:
         self.publish, self.wanted = self._port.publish, self._port.wanted
 
 
-class WorldMarkers(Plugin):
+class MarkerPlugin(Plugin):
+    """Publishes markers of the world's models; :meth:`turn` is also called while the simulation is paused."""
+
+    _simulator: Simulator
+
+    def configure(self, spec: Any, ctx: Any) -> None:
+        """Do nothing: this plugin belongs to no tag.
+
+        Parameters
+        ----------
+        spec, ctx
+            Not used.
+        """
+
+    def next_before(self, now_ns: int) -> Optional[int]:
+        return now_ns + self._simulator.step_ns if self._changed() else NEVER
+
+    def before_step(self, now_ns: int) -> None:
+        self.turn()
+
+    def _changed(self) -> bool:
+        """Return whether there may be something to publish."""
+        raise NotImplementedError
+
+    def turn(self) -> None:
+        """Publish what has changed."""
+        raise NotImplementedError
+
+    def reset(self, now_ns: int, rewound: bool) -> None:
+        """Publish what has changed.
+
+        Parameters
+        ----------
+        now_ns, rewound
+            Not used.
+        """
+        self.turn()
+
+
+class WorldMarkers(MarkerPlugin):
     """Publishes all markers whenever one was added, removed or moved.
 
     Parameters
@@ -197,15 +236,6 @@ class WorldMarkers(Plugin):
         self._shown: List[_Shown] = []
         self._moving = False
         self.look()
-
-    def configure(self, spec: Any, ctx: Any) -> None:
-        """Do nothing: this plugin belongs to no tag.
-
-        Parameters
-        ----------
-        spec, ctx
-            Not used.
-        """
 
     def next_before(self, now_ns: int) -> Optional[int]:
         schedule, step_ns = self._schedule, self._simulator.step_ns
@@ -266,7 +296,7 @@ class WorldMarkers(Plugin):
             self.look()
 
 
-class GroundMarkers(Plugin):
+class GroundMarkers(MarkerPlugin):
     """Publishes the ground of static models: heightmaps, and meshes that face up everywhere.
 
     Parameters
@@ -283,21 +313,6 @@ class GroundMarkers(Plugin):
         self._models: Optional[List[Any]] = None
         self._placements: Any = None
         self._published: List[Any] = []         # models and poses of the last array
-        self.turn()
-
-    def configure(self, spec: Any, ctx: Any) -> None:
-        """Do nothing: this plugin belongs to no tag.
-
-        Parameters
-        ----------
-        spec, ctx
-            Not used.
-        """
-
-    def next_before(self, now_ns: int) -> Optional[int]:
-        return now_ns + self._simulator.step_ns if self._changed() else NEVER
-
-    def before_step(self, now_ns: int) -> None:
         self.turn()
 
     def _changed(self) -> bool:
@@ -328,16 +343,6 @@ class GroundMarkers(Plugin):
         for marker in markers:
             marker.header.frame_id = self._frame
         self._port.publish(MarkerArray(markers))
-
-    def reset(self, now_ns: int, rewound: bool) -> None:
-        """Publish changes.
-
-        Parameters
-        ----------
-        now_ns, rewound
-            Not used.
-        """
-        self.turn()
 
 
 class DescriptionTopic:
