@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_navigation.planners.heap_kernels import pop, push
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -246,19 +248,7 @@ def cheapest(cost: Values, goal: Tuple[int, int], reached: Values) -> None:
     reached[goal[0], goal[1]] = 0.0
     while count > 0:
         key, here = keys[0], cells[0]
-        count -= 1
-        last, moved, at = keys[count], cells[count], 0
-        while True:
-            child = 2 * at + 1
-            if child >= count:
-                break
-            if child + 1 < count and keys[child + 1] < keys[child]:
-                child += 1
-            if keys[child] >= last:
-                break
-            keys[at], cells[at] = keys[child], cells[child]
-            at = child
-        keys[at], cells[at] = last, moved
+        count = pop(keys, cells, count)
         row, column = here // columns, here % columns
         if key > reached[row, column]:
             continue
@@ -271,9 +261,4 @@ def cheapest(cost: Values, goal: Tuple[int, int], reached: Values) -> None:
                 new = key + 0.5 * way * (cost[row, column] + cost[i, j])
                 if new < reached[i, j]:
                     reached[i, j] = new
-                    at = count
-                    count += 1
-                    while at > 0 and keys[(at - 1) // 2] > new:
-                        keys[at], cells[at] = keys[(at - 1) // 2], cells[(at - 1) // 2]
-                        at = (at - 1) // 2
-                    keys[at], cells[at] = new, i * columns + j
+                    count = push(keys, cells, count, new, i * columns + j)
