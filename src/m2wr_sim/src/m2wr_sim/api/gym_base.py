@@ -256,7 +256,7 @@ class RobotEnv(gymnasium.Env):
 
     def close(self) -> None:
         """Free the world; called again it does nothing."""
-        if self._picture is not None and self.render_mode == "human":
+        if self._picture is not None:
             self._picture.close()
         self._picture = None
         self._sim.close()

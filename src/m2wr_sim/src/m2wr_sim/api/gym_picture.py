@@ -72,3 +72,6 @@ class EnvPicture:
     def draw(self) -> npt.NDArray[np.uint8]:
         """Return the image, (SIZE, SIZE, 3) uint8, top row first."""
         return np.array(self._renderer.draw(self._scene).convert("RGB"), dtype=np.uint8)
+
+    def close(self) -> None:
+        """Do nothing: images need nothing that has to be freed."""
