@@ -56,6 +56,7 @@ _FIELDS = {
     "EmptyResponse": "",
     "Bool": "bool data",
     "Float64": "float64 data",
+    "Float32": "float32 data",
     "MultiArrayDimension": "string label, uint32 size, uint32 stride",
     "MultiArrayLayout": "MultiArrayDimension[] dim, uint32 data_offset",
     "Float64MultiArray": "MultiArrayLayout layout, float64[] data",

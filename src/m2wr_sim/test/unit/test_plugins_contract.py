@@ -50,6 +50,7 @@ SILENT = {"libgazebo_ros_force.so", "libm2wr_way_points.so", "libTrajectoryActor
           "libm2wr_actor_script.so", "libgazebo_ros_control.so", "libm2wr_mimic.so", "libmimic_joint_plugin.so",
           "libroboticsgroup_gazebo_mimic_joint_plugin.so", "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so",
           "libgazebo_mimic_joint_plugin.so", "libm2wr_gear.so", "libm2wr_screw.so",
+          "libgazebo_ros_wheel_slip.so", "libWheelSlipPlugin.so", "libgazebo_ros_harness.so", "libHarnessPlugin.so",
           "libgazebo_ros_kobuki.so", "libgazebo_ros_tricycle_drive.so"}
 # publish nothing, or only what controllers do, or need a robot of their own, see the tests named after them
 TRIGGERED = {"libgazebo_ros_triggered_camera.so"}       # publish when they are asked to

@@ -12,7 +12,7 @@ from m2wr_sim.plugins.unsupported import NOT_NEEDED, UNSUPPORTED, explain
 
 #: Plugins that the reference of Gazebo's plugins names, by the part of the name that is always the same.
 FAMILIES = ("ackermann_drive", "prosilica", "realsense", "force_based_move",
-            "contact", "vacuum_gripper", "grasp_fix", "wheel_slip", "harness", "video", "actor", "elevator",
+            "contact", "vacuum_gripper", "grasp_fix", "video", "actor", "elevator",
             "hand_of_god", "joint_pose_trajectory", "f3d", "projector")
 
 

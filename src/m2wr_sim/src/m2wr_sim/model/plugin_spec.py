@@ -22,6 +22,9 @@ def tag_value(element: Any) -> str:
 def _parameters(element: Any, prefix: str = "") -> Iterator[Tuple[str, str]]:
     for child in element:
         tag = prefix + etree.QName(child).localname
+        for name, text in child.attrib.items():
+            if name != "value":
+                yield "{}/@{}".format(tag, etree.QName(name).localname), text.strip()
         value = tag_value(child)
         if value or len(child) == 0:
             yield tag, value
@@ -35,7 +38,8 @@ def read_plugin(element: Any, reference: Optional[str] = None, notes: Optional[N
     Parameters
     ----------
     element : lxml element
-        The plugin; its children become (tag, text) pairs, deeper ones under ``tag/tag``.
+        The plugin; its children become (tag, text) pairs, deeper ones under ``tag/tag``, attributes under
+        ``tag/@name``.
     reference : str or None
         Link that a sensor plugin belongs to.
     notes : Notes or None

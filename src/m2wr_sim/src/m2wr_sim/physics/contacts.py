@@ -70,7 +70,8 @@ def load_class(mass: float) -> float:
 
 
 def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, second_is_wheel: bool, both_move: bool,
-                 settings: EngineSettings, stiffer: float = 1.0, skids: bool = False) -> Optional[PairSurface]:
+                 settings: EngineSettings, stiffer: float = 1.0, skids: bool = False,
+                 slips: bool = False) -> Optional[PairSurface]:
     """Combine the surfaces of two collisions by Gazebo's rules.
 
     Friction and restitution are the smaller of the two values, slips are added, and stiffnesses combine as springs in
@@ -89,6 +90,8 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
         The :func:`load_class` of the lighter moving body.
     skids : bool
         Whether one of them is a wheel of a model with wheels on several axles.
+    slips : bool
+        Whether one of them slips by a compliance that changes.
 
     Returns
     -------
@@ -128,7 +131,7 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
     if any(along):
         mode |= MODE_FDIR1 | MODE_MU2
     slides = skids and first_is_wheel != second_is_wheel and 0.0 < mu < math.inf and 0.0 < mu2 < math.inf
-    if slides:
+    if slides or slips:
         mode |= MODE_SLIP1 | MODE_SLIP2
     ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
     return PairSurface(mode, mu, mu2, slip1, slip2, bounce, min(one.restitution_threshold, two.restitution_threshold),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from m2wr_sim.geometry import Pose, Vector
-    from m2wr_sim.model.types import Axis, Collision, Inertial, Model, Physics
+    from m2wr_sim.model.types import Axis, Collision, Inertial, Joint, Model, Physics
     from m2wr_sim.physics.contact_watch import ContactWatch
 
 log = logging.getLogger(__name__)
@@ -264,6 +264,54 @@ class Engine(abc.ABC):
             A unit vector at right angles to it; best one along which the point can move.
         speed : float
             Of the point on the first link against the point on the second one [m/s].
+        """
+
+    @abc.abstractmethod
+    def join(self, handle: ModelHandle, joint: Joint) -> int:
+        """Add a joint to a model in the world, with its links as they are; its position is 0.
+
+        Parameters
+        ----------
+        handle : ModelHandle
+            Gets the joint, under its name.
+        joint : m2wr_sim.model.types.Joint
+
+        Returns
+        -------
+        int
+            The engine's number of the joint.
+
+        Raises
+        ------
+        ModelError
+            If the model has a joint of that name, not its links, or is static.
+        """
+
+    @abc.abstractmethod
+    def part(self, joint: int) -> None:
+        """Detach a joint from its links for good; it stays readable, its position is 0."""
+
+    @abc.abstractmethod
+    def let_slip(self, link: int, axis: Sequence[float]) -> None:
+        """Let the contacts of a link slip under load, as :meth:`set_slip` says; no effect on a static link.
+
+        Parameters
+        ----------
+        link : int
+        axis : (3,) sequence of float
+            Unit vector in the link frame, which becomes the first direction of friction: the axis of a wheel.
+        """
+
+    @abc.abstractmethod
+    def set_slip(self, link: int, along: float, across: float) -> None:
+        """Set by how much the contacts of a link slip: slip velocity = compliance x force of friction.
+
+        Parameters
+        ----------
+        link : int
+            After :meth:`let_slip`.
+        along, across : float
+            Compliance [m/s/N] along the axis of the link, and across it; added to those of the two surfaces.
         """
 
     @abc.abstractmethod

@@ -47,7 +47,7 @@ def classes_of(shapes: Iterable[Shape]) -> Tuple[Dict[Shape, int], List[Shape]]:
     for shape in shapes:
         collision = shape.collision
         key = (collision.surface, type(collision.geometry), collision.max_contacts, shape.wheel, shape.moves,
-               shape.stiffer, shape.yields, shape.skids)
+               shape.stiffer, shape.yields, shape.skids, shape.slip is not None)
         if key not in numbers:
             numbers[key] = len(representatives)
             representatives.append(shape)
@@ -84,6 +84,7 @@ class Block:
         self._angles: Dict[JointDrive, int] = {}        # hinge -> word with its angle
         self._countdowns: Dict[Countdown, int] = {}     # countdown -> its row
         self._wheels: Dict[str, int] = {}               # name of the geom of a wheel -> word of its load
+        self._slips: Dict[Shape, int] = {}              # shape that slips -> row of its geom
         self._initial: NDArray[np.uint64] = self.words[:0]
 
     # ---- filling ---------------------------------------------------------------------------------------------------
@@ -105,7 +106,8 @@ class Block:
                     continue
                 both_move = one.moves and two.moves
                 surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, both_move, settings,
-                                       min(one.stiffer, two.stiffer), one.skids or two.skids)
+                                       min(one.stiffer, two.stiffer), one.skids or two.skids,
+                                       one.slip is not None or two.slip is not None)
                 if surface is None:
                     continue
                 at = self._starts[layout.H_PAIRS] + (one_index * count + two_index) * layout.PAIR_WORDS
@@ -163,6 +165,9 @@ class Block:
             words[row + layout.G_RESTLESS] = shape.restless
             words[row + layout.G_IDLER] = 0 if shape.countdown is None else idlers.get(shape.countdown, 0)
             self._write_size(row, geom, shape)
+            if shape.slip is not None:
+                self._slips[shape] = row
+                self.write_slip(shape)
             library.dGeomSetData(geom._id(), index + 1)
             if shape.skids:
                 words[row + layout.G_LOAD] = self._starts[layout.H_LOADS] + len(self._wheels) * layout.LOAD_WORDS
@@ -180,6 +185,11 @@ class Block:
             data.heights.ctypes.data, data.tops.ctypes.data)
         self.words[at + layout.FIELD_ROWS], self.words[at + layout.FIELD_COLUMNS] = data.heights.shape
         self.values[at + layout.FIELD_CELL:at + layout.FIELD_CELL + 2] = data.cell
+
+    def write_slip(self, shape: Shape) -> None:
+        """Write the compliances of a shape that slips."""
+        at = self._slips[shape]
+        self.values[at + layout.G_SLIP1], self.values[at + layout.G_SLIP2] = shape.slip or (0.0, 0.0)
 
     def write_bodies(self, moving: Sequence[ModelParts], handles: Handles, damped: Sequence[LinkBody]) -> None:
         """Write the movable models and their bodies.
@@ -271,6 +281,8 @@ class Block:
             self.values[at] = drive.angle
         for countdown in self._countdowns:
             self.write_countdown(countdown)
+        for shape in self._slips:
+            self.write_slip(shape)
 
     def write_countdown(self, countdown: Countdown) -> None:
         """Write how long a body has to be idle before it sleeps, if it is in the block."""

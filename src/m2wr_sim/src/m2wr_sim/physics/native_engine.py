@@ -82,6 +82,16 @@ class NativeEngine(OdeWorld):
         if self._block is not None and link.countdown is not None:
             self._block.write_countdown(link.countdown)
 
+    def let_slip(self, link: int, axis: Sequence[float]) -> None:
+        super().let_slip(link, axis)
+        self._forget_block()
+
+    def set_slip(self, link: int, along: float, across: float) -> None:
+        super().set_slip(link, along, across)
+        if self._block is not None:
+            for geom, _ in self._links[link].geoms:
+                self._block.write_slip(self._shapes[geom])
+
     # ---- stepping --------------------------------------------------------------------------------------------------
 
     def step(self, count: int) -> None:

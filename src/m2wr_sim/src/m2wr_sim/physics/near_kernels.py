@@ -50,6 +50,8 @@ from m2wr_sim.physics.step_layout import (
     G_MODEL,
     G_RESTLESS,
     G_SIZE,
+    G_SLIP1,
+    G_SLIP2,
     G_WATCHED,
     GEOM_WORDS,
     GRIP_WORDS,
@@ -234,7 +236,8 @@ def _reduce(values: Values, pair: int, first: int, count: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _set_surface(words: Words, values: Values, pair: int, one: int, two: int, count: int, at: int) -> None:
+def _set_surface(words: Words, values: Values, pair: int, one: int, two: int, geom_one: int, geom_two: int,
+                 count: int, at: int) -> None:
     """Set the surface parameters of a contact, one of ``count``, of the geoms with handles ``one`` and ``two``."""
     words[at + C_MODE] = np.uint64(values[pair + P_MODE])
     if words[at + C_MODE] & MODE_FDIR1:
@@ -242,7 +245,8 @@ def _set_surface(words: Words, values: Values, pair: int, one: int, two: int, co
     values[at + C_MU], values[at + C_MU2] = values[pair + P_MU], values[pair + P_MU2]
     values[at + C_BOUNCE] = values[pair + P_BOUNCE]
     values[at + C_BOUNCE_VELOCITY] = values[pair + P_BOUNCE_VELOCITY]
-    values[at + C_SLIP1], values[at + C_SLIP2] = values[pair + P_SLIP1] * count, values[pair + P_SLIP2] * count
+    values[at + C_SLIP1] = (values[pair + P_SLIP1] + values[geom_one + G_SLIP1] + values[geom_two + G_SLIP1]) * count
+    values[at + C_SLIP2] = (values[pair + P_SLIP2] + values[geom_one + G_SLIP2] + values[geom_two + G_SLIP2]) * count
     values[at + C_SOFT_ERP], values[at + C_SOFT_CFM] = values[pair + P_SOFT_ERP], values[pair + P_SOFT_CFM]
 
 
@@ -367,7 +371,7 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
         if not noted and (steep or both_move):
             noted = True
             _add_contact(words, values, min(row_one, row_two), max(row_one, row_two), at)
-        _set_surface(words, values, pair, one, two, count, at)
+        _set_surface(words, values, pair, one, two, geom_one, geom_two, count, at)
         if load != 0:
             slide(words, values, geom_one, geom_two, other, load, pair, at)
         joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))

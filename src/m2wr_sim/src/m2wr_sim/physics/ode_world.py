@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Opt
 import ode
 
 from m2wr_sim.errors import LostError, ModelError
-from m2wr_sim.geometry import cross, rotate
+from m2wr_sim.geometry import cross, rotate, rotate_inverse
 from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import dampers, native_ode
 from m2wr_sim.physics import pyode_bodies as bodies
@@ -36,7 +36,7 @@ from m2wr_sim.physics.wheels import initial_link_pose, skids, wheel_poses
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
-    from m2wr_sim.model.types import Axis, Collision, Inertial, Model
+    from m2wr_sim.model.types import Axis, Collision, Inertial, Joint, Model
     from m2wr_sim.physics.native_shapes import Geom
     from m2wr_sim.physics.sliding import Loads
 
@@ -145,6 +145,59 @@ class OdeWorld(Engine):
             parent = None if joint.parent == "world" else by_name[joint.parent]
             parts.joints.append(bodies.make_joint(self._world, joint, full_name, parent, by_name[joint.child]))
 
+    def join(self, handle: ModelHandle, joint: Joint) -> int:
+        name, parts = "%s::%s" % (handle.name, joint.name), self._parts[handle.name]
+        if joint.name in handle.joints:
+            raise ModelError("joint %s: the model has one of this name; expected another name" % name)
+        if parts.static:
+            raise ModelError("joint %s: the model is static; expected one that can move" % name)
+        ends = {link.spec.name: link for link in parts.links}
+        for end in (joint.child,) if joint.parent == "world" else (joint.child, joint.parent):
+            if end not in ends:
+                raise ModelError("joint %s connects link %s, which %s does not have (it has %s)"
+                                 % (name, end, parts.name, ", ".join(ends)))
+        drive = bodies.make_joint(self._world, joint, name, ends.get(joint.parent), ends[joint.child])
+        parts.joints.append(drive)
+        self._keep_awake(parts)
+        number = handle.joints[joint.name] = self._register(self._joints, drive)
+        self._refresh_lists()
+        self._wake()
+        return number
+
+    def _keep_awake(self, parts: ModelParts) -> None:
+        """Let the bodies of a model never sleep again, as those of all models with joints."""
+        for link in parts.links:
+            self._enable(link)
+            link.countdown = None
+        for geom in parts.geoms:
+            shape = self._shapes[geom]
+            shape.countdown, shape.restless = None, shape.moves
+
+    def part(self, joint: int) -> None:
+        drive = self._joints[joint]
+        for parts in self._moving:
+            if drive in parts.joints:
+                parts.joints.remove(drive)
+                _detach(drive)
+        _make_readable(drive)
+        self._refresh_lists()
+        self._wake()
+
+    def let_slip(self, link: int, axis: Sequence[float]) -> None:
+        entry = self._links[link]
+        if entry.body is None:
+            return
+        direction = rotate(bodies.link_pose(entry)[1], axis)
+        for geom, _ in entry.geoms:
+            shape, (w, x, y, z) = self._shapes[geom], geom.getQuaternion()
+            surface = replace(shape.collision.surface, fdir1=rotate_inverse((x, y, z, w), direction))
+            shape.collision = replace(shape.collision, surface=surface)
+            shape.slip = shape.slip or (0.0, 0.0)
+
+    def set_slip(self, link: int, along: float, across: float) -> None:
+        for geom, _ in self._links[link].geoms:
+            self._shapes[geom].slip = along, across
+
     def _add_geom(self, parts: ModelParts, link: LinkBody, collision: Collision, wheel_pose: Optional[Pose]) -> None:
         where = "%s::%s" % (link.name, collision.name)
         grounded = parts.space is None or isinstance(collision.geometry, Heightmap)     # an empty space is falsy
@@ -197,10 +250,7 @@ class OdeWorld(Engine):
         parts = self._parts.pop(handle.name)
         self._moving.remove(parts)
         for number in handle.joints.values():
-            drive = self._joints[number]
-            drive.hinge, drive.spec = False, replace(drive.spec, kind="fixed")
-            drive.access = axis_access("fixed", drive.joint, 0)
-            drive.damping = drive.stiffness = drive.pull = 0.0
+            _make_readable(self._joints[number])
         self._release(parts)
         self._refresh_lists()
         self._wake()
@@ -237,9 +287,7 @@ class OdeWorld(Engine):
         for pair_of_links in [key for key in self._rows if not gone_links.isdisjoint(key)]:
             self._rows.pop(pair_of_links).remove()
         for drive in parts.joints:
-            for damper in drive.dampers.values():
-                damper.remove()
-            drive.joint.attach(None, None)
+            _detach(drive)
         parts.joints = []
         for geom in parts.geoms:
             leave_space(geom, parts.space if self._shapes[geom].moves else self._static_space)
@@ -522,6 +570,20 @@ def _quadtree(doublings: int) -> ode.QuadTreeSpace:
     """Return the space of static geoms, with leaves of the same size for any extent."""
     extent = _QUADTREE_EXTENT * 2.0 ** doublings
     return ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH + doublings)
+
+
+def _detach(drive: JointDrive) -> None:
+    """Detach a joint and its dampers from their links."""
+    for damper in drive.dampers.values():
+        damper.remove()
+    drive.joint.attach(None, None)
+
+
+def _make_readable(drive: JointDrive) -> None:
+    """Give a joint that is detached the position 0, for those who still read it."""
+    drive.hinge, drive.spec, drive.angle = False, replace(drive.spec, kind="fixed"), 0.0
+    drive.access = axis_access("fixed", drive.joint, 0)
+    drive.damping = drive.stiffness = drive.pull = 0.0
 
 
 def _damped(drives: Iterable[JointDrive]) -> List[JointDrive]:

@@ -64,10 +64,15 @@ class Shape:
         Whether nothing can push the body; two such shapes, or one and a static one, have no contacts.
     skids : bool, optional
         Whether the model has wheels on several axles, see :func:`m2wr_sim.physics.wheels.skids`.
+
+    Attributes
+    ----------
+    slip : (float, float) or None
+        Compliance [m/s/N] along and across the first direction of friction, added to that of the surfaces.
     """
 
     __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown",
-                 "yields", "skids")
+                 "yields", "skids", "slip")
 
     def __init__(self, name: str, collision: Collision, wheel: bool, model: str, link: str, body: Optional[ode.Body],
                  stiffer: float, countdown: Optional[Countdown], kinematic: bool = False,
@@ -79,6 +84,7 @@ class Shape:
         self.countdown, self.restless = countdown, body is not None and countdown is None
         self.yields = body is not None and not kinematic
         self.skids = wheel and skids and body is not None
+        self.slip: Optional[Tuple[float, float]] = None
 
 
 class LinkBody:

@@ -6,7 +6,7 @@ It is the reference for the faster engine, and is used where that cannot run.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
+from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 import ode
 
@@ -57,6 +57,10 @@ class PyodeEngine(OdeWorld):
     def configure(self, settings: EngineSettings) -> None:
         super().configure(settings)
         self._pairs = {}                # contact parameters depend on the step size and the limits
+
+    def let_slip(self, link: int, axis: Sequence[float]) -> None:
+        super().let_slip(link, axis)
+        self._pairs = {}
 
     def forget(self) -> None:
         self._pairs_now = {}
@@ -173,7 +177,8 @@ class PyodeEngine(OdeWorld):
         surface = None
         if one.yields or two.yields:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
-                                   self.settings, min(one.stiffer, two.stiffer), one.skids or two.skids)
+                                   self.settings, min(one.stiffer, two.stiffer), one.skids or two.skids,
+                                   one.slip is not None or two.slip is not None)
         # ODE may exchange the two geoms of a pair as they move; it stays the same contact
         names = (min(one.name, two.name), max(one.name, two.name))
         pair = None if surface is None else (surface, one, two, names)
@@ -198,9 +203,12 @@ class PyodeEngine(OdeWorld):
                 self._pairs_now.setdefault(names, (position, depth))
             coupled = restless and (both_move or -FLAT < normal[2] < FLAT)
             self._coupled = self._coupled or coupled
-            mode = _set_surface(contact, surface, len(found), second if surface.along_second else first)
+            mode = _set_surface(contact, surface, second if surface.along_second else first)
+            slips = _slips(surface, pair[1].slip or (0.0, 0.0), pair[2].slip or (0.0, 0.0), len(found))
+            contact.setSlip1(slips[0])
+            contact.setSlip2(slips[1])
             if surface.slides:
-                self._slide(pair, contact, mode, len(found))
+                self._slide(pair, contact, mode, slips)
             joint = ode.ContactJoint(self._world, self._contact_group, contact)
             joint.attach(one, two)
             model = pair[2].model if one is None else pair[1].model
@@ -217,18 +225,17 @@ class PyodeEngine(OdeWorld):
                 joint.setFeedback(True)
                 self._felt.append((grip, first, second, (position, normal, depth)))
 
-    def _slide(self, pair: _Pair, contact: ode.Contact, mode: int, count: int) -> None:
-        """Set the friction of a wheel's contact, one of ``count``, by its slip and its load in the last step."""
+    def _slide(self, pair: _Pair, contact: ode.Contact, mode: int, least: Tuple[float, float]) -> None:
+        """Set the friction of a wheel's contact by its slip and its load in the last step; ``least``: compliances."""
         surface, (wheel, other) = pair[0], (pair[1], pair[2]) if pair[1].wheel else (pair[2], pair[1])
-        slips = 0.0, 0.0
         step, name, load = self._loads.get(wheel.name, (0, "", 0.0))
         if step + 1 == self._steps and name == other.name and wheel.name not in self._rolling:
             position, normal = contact.getContactGeomParams()[:2]
             first = contact.getFDir1() if mode & MODE_FDIR1 else first_direction(normal)
             slips = sliding_slips(slip_velocity(position, pair[1].body, pair[2].body), normal, first, surface.mu,
                                   surface.mu2, load)
-        contact.setSlip1(surface.slip1 * count + slips[0])
-        contact.setSlip2(surface.slip2 * count + slips[1])
+            contact.setSlip1(max(least[0], slips[0]))
+            contact.setSlip2(max(least[1], slips[1]))
 
     def _hand_out_contacts(self) -> None:
         """Pass the contacts of this step, with the forces from the solver, to the watches."""
@@ -261,8 +268,13 @@ def _contact(described: Contact, first: Geom, second: Geom) -> ode.Contact:
     return contact
 
 
-def _set_surface(contact: ode.Contact, surface: PairSurface, count: int, rotating: Geom) -> int:
-    """Set the surface parameters of a contact, one of ``count``; return its mode.
+def _slips(surface: PairSurface, one: Tuple[float, float], two: Tuple[float, float], count: int) -> Tuple[float, float]:
+    """Return the compliances [m/s/N] of a contact, one of ``count``: those of the surface and of the two shapes."""
+    return (surface.slip1 + one[0] + two[0]) * count, (surface.slip2 + one[1] + two[1]) * count
+
+
+def _set_surface(contact: ode.Contact, surface: PairSurface, rotating: Geom) -> int:
+    """Set the surface parameters of a contact, apart from its compliances; return its mode.
 
     ``rotating`` is the geom with which the direction of mu rotates.
     """
@@ -274,9 +286,6 @@ def _set_surface(contact: ode.Contact, surface: PairSurface, count: int, rotatin
     contact.setMu2(surface.mu2)
     contact.setBounce(surface.bounce)
     contact.setBounceVel(surface.bounce_velocity)
-    if surface.slip1 or surface.slip2:
-        contact.setSlip1(surface.slip1 * count)
-        contact.setSlip2(surface.slip2 * count)
     if surface.soft_cfm:
         contact.setSoftERP(surface.soft_erp)
         contact.setSoftCFM(surface.soft_cfm)

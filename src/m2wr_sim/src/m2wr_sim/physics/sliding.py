@@ -16,6 +16,9 @@ S / (N mu_i^2) in direction i, see "slip1" and "slip2" in its manual.  Without s
 holds the wheel.  The friction of a wheel with a constant slip is exact; one that brakes has less by mu g h / v, in a
 step h.
 
+A wheel that also slips by a compliance of its surface, v = c F, has the greater of the two slips: c while c F is less
+than the velocity at which the force reaches its limit, and the other beyond.
+
 Only a wheel has such contacts, one in a step: the normal force N is that of its contact in the last step.  A model
 whose wheels share one axle, such as m2wr, turns without sliding and keeps the pyramid, see ``skids`` in wheels.
 """

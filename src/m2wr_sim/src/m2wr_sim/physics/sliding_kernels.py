@@ -105,8 +105,8 @@ def slide(words: Words, values: Values, geom_one: int, geom_two: int, other: int
     mu, mu2 = values[pair + P_MU], values[pair + P_MU2]
     dissipation = math.sqrt(mu * mu * along * along + mu2 * mu2 * across * across)
     if dissipation > _SLOWEST and force > 0.0:
-        values[at + C_SLIP1] += dissipation / (force * mu * mu)
-        values[at + C_SLIP2] += dissipation / (force * mu2 * mu2)
+        values[at + C_SLIP1] = max(values[at + C_SLIP1], dissipation / (force * mu * mu))
+        values[at + C_SLIP2] = max(values[at + C_SLIP2], dissipation / (force * mu2 * mu2))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -22,7 +22,8 @@ H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on;
                       whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
                       whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none),
                       word of its row in H_LOADS (0 if it is no wheel),
-                      kind for height_kernels, its size; of a heightmap: addresses, rows, columns, size of a cell
+                      kind for height_kernels, its size; of a heightmap: addresses, rows, columns, size of a cell;
+                      two compliances that are added to those of the surface
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_ISLANDS             ``ISLAND_WORDS`` words a movable model: last step with a contact, representative of its
@@ -76,9 +77,10 @@ PAIR_WORDS = 19
 (P_VALID, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
  P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND, P_SLIDES) = range(19)
 
-GEOM_WORDS = 15
+GEOM_WORDS = 17
 (G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER, G_LOAD, G_KIND, G_SIZE) = range(10)
 FIELD_HEIGHTS, FIELD_ROWS, FIELD_COLUMNS, FIELD_TOPS, FIELD_CELL = range(5)     # after G_SIZE, of a heightmap
+G_SLIP1, G_SLIP2 = 15, 16
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 BOUNDS_WORDS = 4

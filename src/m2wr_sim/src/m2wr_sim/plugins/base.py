@@ -225,8 +225,27 @@ class PluginContext(abc.ABC):
         """Return the engine's number of a joint of this model; a PluginError lists the joints that exist."""
 
     @abc.abstractmethod
+    def join(self, joint: Joint) -> int:
+        """Add a joint to this model and return the engine's number of it.
+
+        Parameters
+        ----------
+        joint : m2wr_sim.model.types.Joint
+            Of links as the description names them; the parent may be ``world``.
+
+        Raises
+        ------
+        PluginError
+            If a link does not exist, or the model cannot have this joint.
+        """
+
+    @abc.abstractmethod
     def joint_record(self, name: str) -> Joint:
         """Return the :class:`~m2wr_sim.model.types.Joint` of that name."""
+
+    @abc.abstractmethod
+    def joint_above(self, link: str) -> Optional[Joint]:
+        """Return the joint whose child a link is, or None."""
 
     @abc.abstractmethod
     def joint_position(self, name: str) -> Vector:

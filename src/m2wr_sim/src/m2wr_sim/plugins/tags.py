@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import FrozenSet, Iterable, List, Optional, Sequence, Tuple, Union
 
 from m2wr_sim.errors import PluginError
@@ -159,6 +160,29 @@ class PluginReader:
                                  % (tag, ", ".join(values), text, default))
         return text if text in values else default
 
+    def groups(self, tag: str) -> List[PluginReader]:
+        """Return a reader for the content of each element of a name, in their order.
+
+        Parameters
+        ----------
+        tag : str
+            Of elements directly below the plugin.
+
+        Returns
+        -------
+        list of PluginReader
+            Their tags are those inside the element; ``@name`` is an attribute of it.
+        """
+        self._read.add(tag)
+        found: List[List[Tuple[str, str]]] = []
+        for name, text in self.spec.parameters:
+            if name.startswith(tag + "/"):
+                inner = name[len(tag) + 1:]
+                if not found or "/" not in inner and any(inner == other for other, _ in found[-1]):
+                    found.append([])        # an attribute or child that occurs again: the next element
+                found[-1].append((inner, text))
+        return [PluginReader(replace(self.spec, parameters=tuple(group)), self._read) for group in found]
+
     def known(self) -> FrozenSet[str]:
         """Return the tags that were read or ignored on purpose."""
         return frozenset(self._read)
@@ -167,6 +191,6 @@ class PluginReader:
         """Return the unsupported tags, in document order, without repeats."""
         seen: List[str] = []
         for tag, _ in self.spec.parameters:
-            if tag.split("/")[0] not in self._read and tag not in seen:
+            if tag.split("/")[0] not in self._read and tag not in seen and "/@" not in tag:
                 seen.append(tag)
         return seen

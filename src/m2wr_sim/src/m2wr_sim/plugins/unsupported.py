@@ -56,7 +56,6 @@ _CAMERA = Missing("publishes images", "no images", "{cameraName}/{imageTopicName
 _REALSENSE = Missing("publishes depth images", "no images and no point cloud",
                      "{prefix}/{colorTopicName} {prefix}/{depthTopicName} "
                      "{prefix}/{pointCloudTopicName}", "", _DEPTH)
-_SLIP = Missing("sets the slip of wheels", "the slip of the description applies", instead=_SURFACE)
 _ACTOR = Missing("animates an actor", "no actor", instead=_PLACES)
 
 UNSUPPORTED = {
@@ -98,11 +97,6 @@ UNSUPPORTED = {
         "attracts bodies to the link", "no suction", "{topicName}", "", _FORCES),
     "libgazebo_ros_link_attacher.so": Missing(
         "attaches links at run time", "its services attach and detach are missing"),
-    "libgazebo_ros_harness.so": Missing(
-        "hangs the model on a rope", "it falls", "", "{robotNamespace}/velocity {robotNamespace}/detach"),
-    "libHarnessPlugin.so": Missing("hangs the model on a rope", "it falls"),
-    "libgazebo_ros_wheel_slip.so": _SLIP,
-    "libWheelSlipPlugin.so": _SLIP,
     "libgazebo_ros_hand_of_god.so": Missing(
         "moves the body to a tf frame", "it does not follow the frame", instead=_PLACES),
     "libgazebo_ros_elevator.so": Missing("moves an elevator", "it does not move", "", "{topic=elevator}", _PLACES),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequen
 
 import numpy as np
 
-from m2wr_sim.errors import PluginError
+from m2wr_sim.errors import ModelError, PluginError
 from m2wr_sim.geometry import compose, cross, invert, normalise_quaternion, rotate
 from m2wr_sim.plugins.base import PluginContext
 
@@ -86,6 +86,18 @@ class ModelContext(PluginContext):
     def joint(self, name: str) -> int:
         return self._number(self._model.handle.joints, "joint", name)
 
+    def join(self, joint: Joint) -> int:
+        for end in (joint.child,) if joint.parent == "world" else (joint.child, joint.parent):
+            self.link(end)
+        links, scope = self._model.handle.links, self._spec.scope
+        parent = "world" if joint.parent == "world" else self._own(links, joint.parent)
+        name = scope + "::" + joint.name if scope else joint.name
+        try:
+            return self.physics.join(self._model.handle, replace(
+                joint, name=name, parent=parent, child=self._own(links, joint.child)))
+        except ModelError as error:
+            raise PluginError("%s: %s" % (self._spec.where, error)) from None
+
     def _own(self, table: Mapping[str, int], name: str) -> str:
         """Return the name of a link or joint in the model; the given name may begin with that of the model.
 
@@ -111,6 +123,10 @@ class ModelContext(PluginContext):
         self.joint(name)
         name = self._own(self._model.handle.joints, name)
         return self._model.joint_record(name)
+
+    def joint_above(self, link: str) -> Optional[Joint]:
+        name = self._own(self._model.handle.links, link)
+        return next((joint for joint in self._model.record.joints if joint.child == name), None)
 
     def joint_position(self, name: str) -> Vector:
         joint = self.joint_record(name)
