@@ -77,6 +77,29 @@ def test_controllers_and_nodelets_name_their_packages(machine, packages, tmp_pat
     assert not found["problem"] and "package gone_nodelets is missing" in found["warning"]
 
 
+NODELETS = """<library path="lib/libbump_nodelets"><class name="bump/Cloud" type="bump::Cloud" base_class_type=
+"nodelet::Nodelet"/></library>"""
+
+
+@pytest.mark.parametrize("kind, built, what, cure", [
+    ("bump/Cloud", False, "the library libbump_nodelets.so of nodelet bump/Cloud is not there", "build package bump"),
+    ("bump/Cloud", True, "", ""), ("bump/Ghost", True, "package bump has no nodelet bump/Ghost", "bump/Cloud")])
+def test_nodelets_need_their_library(machine, tmp_path, monkeypatch, kind, built, what, cure):
+    folder = tmp_path / "bump"
+    folder.mkdir()
+    (folder / "package.xml").write_text(
+        '<package format="2"><name>bump</name><export><nodelet plugin="${prefix}/n.xml"/></export></package>')
+    (folder / "n.xml").write_text(NODELETS)
+    if built:
+        (folder / "libbump_nodelets.so").write_text("")
+    monkeypatch.setattr(machine, "environ", dict(machine.environ, ROS_PACKAGE_PATH="%s:%s" % (
+        tmp_path, machine.environ.get("ROS_PACKAGE_PATH", ""))))
+    found = examine(machine, PackageList(machine), tmp_path, '<node pkg="nodelet" type="nodelet" name="n" '
+                    'args="load %s manager"/>' % kind)
+    assert (what in found["warning"] and cure in found["warning"]) if what else "1 nodes can be started" in found["ok"]
+    assert not what or "can be started" not in found["ok"]
+
+
 def test_the_command_takes_what_roslaunch_takes(machine, packages, tmp_path, capsys):
     (tmp_path / "top.launch").write_text('<launch><arg name="a"/></launch>')
     path = str(tmp_path / "top.launch")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Set
 
+from m2wr_tools.doctor import nodelets
 from m2wr_tools.doctor.finding import ok, problem, some, warning
 from m2wr_tools.doctor.launch_reader import LaunchReader
 from m2wr_tools.doctor.launch_words import not_found
@@ -126,8 +127,9 @@ def _check_nodes(machine: Machine, packages: PackageList, contents: LaunchConten
             found.append(level(_NODES, "node %s (%s): package %s has no executable %s; %s" % (
                 node.name, node.place, node.package, node.kind, effect), _other_names(machine, packages, node)))
         else:
-            there += 1
-            found += _check_words(machine, packages, contents, node)
+            wrong = _check_words(machine, packages, contents, node)
+            found += wrong
+            there += not wrong or node.package != "nodelet"
     return found + ([ok(_NODES, "%d nodes can be started", there)] if there else [])
 
 
@@ -153,10 +155,10 @@ def _other_names(machine: Machine, packages: PackageList, node: NodeEntry) -> st
 def _check_words(machine: Machine, packages: PackageList, contents: LaunchContents, node: NodeEntry) -> List[Finding]:
     """Check what a node is to load: nodelets, controllers."""
     if node.package == "nodelet" and node.words[:1] in (["load"], ["standalone"]) and len(node.words) > 1:
-        package = node.words[1].split("/")[0]
-        if not packages.find(package):
-            return [warning(_NODES, "nodelet %s (%s): package %s is missing" % (node.name, node.place, package),
-                            how_to_get(machine, package))]
+        wrong = nodelets.fault(machine, packages, node.words[1])
+        if wrong:
+            return [warning(_NODES, "nodelet %s (%s): %s; it is not loaded" % (node.name, node.place, wrong.what),
+                            wrong.cure)]
     if node.package == "controller_manager" and node.kind in ("spawner", "controller_manager"):
         lost = [word for word in node.words if word in contents.types and not packages.find(
             contents.types[word].split("/")[0])]

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Whether a nodelet can be loaded: its package declares it, and the C++ library with it is built."""
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Iterator, NamedTuple, Optional, Tuple
+
+from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
+from m2wr_tools.doctor.package_sources import how_to_get
+
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.installation import PackageList
+    from m2wr_tools.doctor.machine import Machine
+
+_SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/opt/ros/noetic/lib")
+
+
+class Fault(NamedTuple):
+    """What is wrong, and what to do."""
+
+    what: str
+    cure: str
+
+
+def fault(machine: Machine, packages: PackageList, kind: str) -> Optional[Fault]:
+    """Return why a nodelet cannot be loaded, or None if nothing speaks against it.
+
+    Parameters
+    ----------
+    machine : Machine
+    packages : PackageList
+    kind : str
+        ``package/Class`` as on the command line of nodelet.
+
+    Returns
+    -------
+    Fault or None
+    """
+    package = kind.split("/")[0]
+    folder = packages.find(package)
+    if not folder:
+        return Fault("package %s is missing" % package, how_to_get(machine, package))
+    libraries = dict(_declared(folder))
+    if kind not in libraries:
+        node = next((path for path in machine.below(folder)
+                     if os.path.basename(path) == package and machine.executable(path)), None)
+        return Fault("package %s has no nodelet %s" % (package, kind),
+                     "it has a node that does the same, with the same parameters and remappings: "
+                     "pkg=\"%s\" type=\"%s\"" % (package, package) if node else
+                     "correct the name; the package has %s" % (", ".join(sorted(libraries)) or "none"))
+    name = os.path.basename(libraries[kind]) + ".so"
+    prefixes = [prefix for prefix in machine.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
+    places = [os.path.join(prefix, "lib") for prefix in prefixes] + [folder] + list(_SYSTEM_LIBRARIES)
+    if any(machine.exists(os.path.join(place, name)) for place in places):
+        return None
+    return Fault("the library %s of nodelet %s is not there" % (name, kind),
+                 "it is C++: build package %s in your workspace, or take the element out of the launch file" % package
+                 if not folder.startswith("/usr/") else how_to_get(machine, package))
+
+
+def _declared(folder: str) -> Iterator[Tuple[str, str]]:
+    """Yield the name of each nodelet that a package declares, and its library; files that cannot be read have none."""
+    try:
+        root = parse_xml(read_file(os.path.join(folder, "package.xml")), "package.xml")
+        for entry in root.iterfind("export/nodelet"):
+            path = (entry.get("plugin") or "").replace("${prefix}", folder)
+            libraries = parse_xml(read_file(path), path)
+            for library in [libraries] if libraries.tag == "library" else libraries.iterfind("library"):
+                for nodelet in library.iterfind("class"):
+                    for name in (nodelet.get("name"), nodelet.get("type")):
+                        if name:
+                            yield name, library.get("path") or ""
+    except (OSError, XmlError):
+        return
