@@ -71,6 +71,12 @@ def test_a_blocked_robot_says_why_and_where(gap, words):
     assert "no velocity is valid: of" in command.reason and words in command.reason
 
 
+def test_a_robot_that_accelerates_slowly_sets_out():
+    """In its first cycle it reaches 0.01 m/s, with which it does not leave a cell within sim_time."""
+    track, _ = drive(controller(acc_lim_x=0.1, min_vel_trans=0.0), free(), straight((2.0, 0.0, 0.0)), most=30)
+    assert track[-1, 0] > 0.15
+
+
 def test_a_plan_elsewhere_is_told():
     command = controller().compute(situation(free(), straight((30.0, 0.0, 0.0), (20.0, 0.0))))
     assert command.velocity is None and "does not cross the local costmap" in command.reason

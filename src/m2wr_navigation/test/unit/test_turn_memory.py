@@ -64,11 +64,16 @@ def test_a_drive_that_ends_allows_a_turn():
     assert memory.allowed_turns(math.inf, MARGIN) != NONE
 
 
-@pytest.mark.parametrize("values", [{}, {"dwa": True}])
-def test_a_gap_that_costs_more_than_turning_is_passed(values):
+TRAJECTORY = {"max_vel_x": 0.5, "min_vel_x": 0.1, "holonomic_robot": False, "min_in_place_vel_theta": 0.3,
+              "occdist_scale": 0.1, "yaw_goal_tolerance": 0.2}
+DWA = {"max_vel_x": 0.5, "max_vel_trans": 0.5, "max_vel_y": 0.0, "min_vel_y": 0.0, "yaw_goal_tolerance": 0.2}
+
+
+@pytest.mark.parametrize("name, values", [
+    ("TrajectoryPlannerROS", TRAJECTORY), ("TrajectoryPlannerROS", dict(TRAJECTORY, dwa=True)), ("DWAPlannerROS", DWA)])
+def test_a_gap_that_costs_more_than_turning_is_passed(name, values):
     room = world(6.0, (3.0, 0.0, 3.2, 2.6), (3.0, 3.4, 3.2, 6.0))      # 0.8 m for 0.52 m of robot
-    kind, read = made(registry.CONTROLLERS, "TrajectoryPlannerROS", max_vel_x=0.5, min_vel_x=0.1, holonomic_robot=False,
-                      min_in_place_vel_theta=0.3, occdist_scale=0.1, yaw_goal_tolerance=0.2, **values)
+    kind, read = made(registry.CONTROLLERS, name, **values)
     loop = ClosedLoop(room, kind(read), (1.5, 3.0, 0.0), inflation=(0.4, 10.0))
     assert loop.drive((4.8, 3.0, 0.0), 90.0) == REACHED, loop.messages
     assert not loop.hits()

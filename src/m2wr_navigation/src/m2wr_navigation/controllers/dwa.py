@@ -2,7 +2,8 @@
 """The dynamic window approach with the parameters and costs of dwa_local_planner (Fox, Burgard, Thrun 1997)."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Dict
+import math
+from typing import TYPE_CHECKING, ClassVar, Dict, NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,11 @@ from m2wr_navigation.controllers.sampling import (
     cost_cloud,
     explained,
 )
-from m2wr_navigation.controllers.velocity_samples import make_samples
+from m2wr_navigation.controllers.velocity_samples import AT_REST, ROUNDING, make_samples
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Int32Array
     from m2wr_navigation.controllers.controller import Situation
 
 GREATEST = 1e6              # of a parameter: samples, times and costs stay finite
@@ -29,6 +30,16 @@ MOST_SAMPLES = 100          # along an axis: a million at most
 
 def _p(default: float, unit: str, low: float, meaning: str) -> Parameter:
     return Parameter(default, unit, low, GREATEST, meaning)
+
+
+class _Scored(NamedTuple):
+    """Samples (N, 3) with costs, reasons and places, and the index of the best one or -1; see ``score_samples``."""
+
+    best: int
+    samples: FloatArray
+    totals: FloatArray
+    reasons: IndexArray
+    places: FloatArray
 
 
 class Dwa(SamplingController):
@@ -101,12 +112,12 @@ class Dwa(SamplingController):
                                "min_vel_trans", "min_vel_theta", "max_vel_trans", "max_vel_theta"))),
                            np.zeros((0, 3)), used)
         self._oscillation.look(situation.pose, values["oscillation_reset_dist"], values["oscillation_reset_angle"])
-        totals, reasons, places = np.empty(len(samples)), np.empty(len(samples), np.int64), np.empty((len(samples), 2))
-        best = self._best(situation, samples, grids, totals, reasons, places)
-        if best < 0 and (reasons == kernels.BARRED).any():
+        drives = self._drives(samples, costmap.resolution)
+        scored = self._scored(situation, samples, drives, grids)
+        if scored.best < 0 and (scored.reasons == kernels.BARRED).any():
             # the robot still moves the barred way, and cannot reach another velocity yet
             self._oscillation.reset()
-            best = self._best(situation, samples, grids, totals, reasons, places)
+            scored = self._scored(situation, samples, drives, grids)
         scale = costmap.resolution
 
         def costs() -> FloatArray:
@@ -114,24 +125,49 @@ class Dwa(SamplingController):
                                                scale * values["goal_distance_bias"], values["occdist_scale"]))
 
         def cloud() -> FloatArray:
-            return self._trajectory_cloud(situation, samples, totals)
+            return self._trajectory_cloud(situation, scored.samples, scored.totals)
 
         clouds = costs if values["publish_cost_grid_pc"] else None, cloud if values["publish_traj_pc"] else None
-        if best < 0:
-            return Command(None, explained(reasons, places), np.zeros((0, 3)), used, *clouds)
-        self._oscillation.note(samples[best], situation.pose, values["min_vel_trans"])
-        return Command(samples[best], "", self.poses(situation, samples[best], self._rolled_with), used,
-                       *clouds)
+        if scored.best < 0:
+            return Command(None, explained(scored.reasons, scored.places), np.zeros((0, 3)), used, *clouds)
+        best = scored.samples[scored.best]
+        self._oscillation.note(best, situation.pose, values["min_vel_trans"])
+        if scored.best >= np.count_nonzero(drives):
+            self._turns_here.note_turn(situation.pose)
+        return Command(best, "", self.poses(situation, best, self._rolled_with), used, *clouds)
 
-    def _best(self, situation: Situation, samples: FloatArray, grids: Int32Array, totals: FloatArray,
-              reasons: IndexArray, places: FloatArray) -> int:
-        """Return the index of the best sample, or -1; see ``score_samples``."""
-        costmap = situation.costmap
-        return int(kernels.score_samples(
-            samples, np.zeros(len(samples)), self._oscillation.barred, situation.pose,
-            np.asarray(situation.velocity, float), self._rolled_with, self._settings(situation), costmap.costs,
-            costmap.resolution, costmap.origin, np.ascontiguousarray(situation.footprint), grids, totals, reasons,
-            places))
+    def _drives(self, samples: FloatArray, cell: float) -> BoolArray:
+        """Return which samples (N,) drive: they leave a cell within ``sim_time``, or are the fastest in reach."""
+        speeds = np.hypot(samples[:, 0], samples[:, 1])
+        least = max(self.values["min_vel_trans"] - ROUNDING, AT_REST, cell / self.values["sim_time"])
+        return np.asarray((speeds > 0.0) & (speeds >= min(least, float(speeds.max()) - 1e-9)))
+
+    def _scored(self, situation: Situation, samples: FloatArray, drives: BoolArray, grids: Int32Array) -> _Scored:
+        """Return the scores of the drives, and then of the turns that are allowed beside the best one of them."""
+        ahead = self._scores(situation, samples[drives], grids, self._oscillation.barred)
+        least = float(ahead.totals[ahead.best]) if ahead.best >= 0 else math.inf
+        one_cell = situation.costmap.resolution * (self.values["path_distance_bias"] + self.values[
+            "goal_distance_bias"])
+        sides = self._turns_here.allowed_turns(least, one_cell)
+        turns = samples[~drives]
+        # the way back to the best heading is no oscillation
+        barred = self._oscillation.barred if sides[0] != sides[1] else np.zeros((3, 2))
+        turned = self._scores(situation, turns[np.isin(np.sign(turns[:, 2]), sides)], grids, barred)
+        best = ahead.best
+        if turned.best >= 0 and turned.totals[turned.best] <= least:
+            best = len(ahead.samples) + turned.best
+        return _Scored(best, *(np.concatenate([getattr(ahead, name), getattr(turned, name)])
+                               for name in ("samples", "totals", "reasons", "places")))
+
+    def _scores(self, situation: Situation, samples: FloatArray, grids: Int32Array, barred: FloatArray) -> _Scored:
+        """Return the scores of some samples; see ``score_samples``."""
+        costmap, count = situation.costmap, len(samples)
+        totals, reasons, places = np.empty(count), np.empty(count, np.int64), np.empty((count, 2))
+        best = int(kernels.score_samples(
+            samples, np.zeros(count), barred, situation.pose, np.asarray(situation.velocity, float),
+            self._rolled_with, self._settings(situation), costmap.costs, costmap.resolution, costmap.origin,
+            np.ascontiguousarray(situation.footprint), grids, totals, reasons, places))
+        return _Scored(best, samples, totals, reasons, places)
 
     def _settings(self, situation: Situation) -> FloatArray:
         """Return the settings (15,) of the kernel."""

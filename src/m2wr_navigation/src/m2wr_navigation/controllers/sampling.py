@@ -14,6 +14,7 @@ from m2wr_navigation.controllers import escape_kernels, rollout_kernels
 from m2wr_navigation.controllers.arrival import Arrival
 from m2wr_navigation.controllers.controller import Command, Controller
 from m2wr_navigation.controllers.plan_progress import PlanProgress
+from m2wr_navigation.controllers.turn_memory import TurnMemory
 from m2wr_navigation.controllers.velocity_samples import Oscillation
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, IN_UNKNOWN, OUTSIDE, outline_cost
 
@@ -59,6 +60,7 @@ class SamplingController(Controller):
         super().__init__(values)
         self._oscillation, self._arrival, self._progress = Oscillation(), Arrival(), PlanProgress()
         self._turns = False         # whether the turn at the goal has begun
+        self._turns_here = TurnMemory()
         self._grids: Int32Array = np.zeros((3, 0, 0), np.int32)
         self._queue: IndexArray = np.zeros(0, np.int64)
 
@@ -93,6 +95,7 @@ class SamplingController(Controller):
             self._oscillation.reset()
             self._arrival.reset()
             self._turns = False
+            self._turns_here.reset()
 
     # ---- near the goal
 
@@ -148,12 +151,14 @@ class SamplingController(Controller):
         if self._outline_at(situation, situation.pose) in (IN_COLLISION, IN_UNKNOWN):
             return self._escape(situation)
         if self._is_near(situation):
+            self._turns_here.reset()        # it led to the goal
             return self._stop_and_turn(situation)
         self._turns = False
         used = self._local_part(situation)
         if used is None:
             return Command(None, "the plan does not cross the local costmap, the robot is at ({:.2f}, {:.2f})".format(
                 *situation.pose[:2]), np.zeros((0, 3)), np.zeros((0, 3)))
+        self._turns_here.look(situation.pose, float(np.hypot(*situation.footprint.T).max(initial=0.0)))
         return self.drive(situation, used)
 
     def _local_part(self, situation: Situation) -> Optional[FloatArray]:

@@ -17,7 +17,6 @@ from m2wr_navigation.controllers.sampling import (
     cost_cloud,
     explained,
 )
-from m2wr_navigation.controllers.turn_memory import TurnMemory
 from m2wr_navigation.controllers.velocity_samples import AT_REST, along_axis
 from m2wr_navigation.costmap.footprint_kernels import line_cost
 from m2wr_navigation.parameters import Parameter, flag, text
@@ -82,14 +81,12 @@ class TrajectoryPlanner(SamplingController):
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__(values)
         self._backs_since: Optional[FloatArray] = None      # pose
-        self._turns_here = TurnMemory()
         self._scale, self._used_grids = 1.0, self._grids
 
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:
         super().set_plan(plan, new_goal)
         if new_goal:
             self._backs_since = None
-            self._turns_here.reset()
 
     @property
     def goal_limits(self) -> GoalLimits:
@@ -204,7 +201,6 @@ class TrajectoryPlanner(SamplingController):
             return cost_cloud(situation.costmap, grids, (
                 scale * values["path_distance_bias"], scale * values["goal_distance_bias"], values["occdist_scale"]))
 
-        self._turns_here.look(situation.pose, float(np.hypot(*situation.footprint.T).max(initial=0.0)))
         sample, reason = self._chosen(situation, used)
         if sample is None and (self._oscillation.barred.any() or self._backs_since is not None):
             self._oscillation.reset()       # neither a bar nor the backing must be the only reason

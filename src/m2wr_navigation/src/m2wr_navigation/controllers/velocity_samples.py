@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 AT_REST = 0.01              # m/s: slower samples turn on the spot
-_ROUNDING = 1e-4            # of velocities at their limits
+ROUNDING = 1e-4            # of velocities at their limits
 
 
 def along_axis(low: float, high: float, count: int) -> FloatArray:
@@ -72,11 +72,11 @@ def make_samples(values: Mapping[str, Any], velocity: FloatArray, period: float)
         values["vx_samples"], values["vy_samples"], values["vth_samples"]))]
     samples = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     speed, rate = np.hypot(samples[:, 0], samples[:, 1]), np.abs(samples[:, 2])
-    slow_turn = rate < values["min_vel_theta"] - _ROUNDING
+    slow_turn = rate < values["min_vel_theta"] - ROUNDING
     # turns on the spot have a least rate also where min_vel_trans is 0
-    refused = ((speed < values["min_vel_trans"] - _ROUNDING) | (speed < AT_REST)) & slow_turn
+    refused = ((speed < values["min_vel_trans"] - ROUNDING) | (speed < AT_REST)) & slow_turn
     if values["max_vel_trans"] > 0.0:
-        refused |= speed > values["max_vel_trans"] + _ROUNDING
+        refused |= speed > values["max_vel_trans"] + ROUNDING
     return np.ascontiguousarray(samples[~refused])
 
 
