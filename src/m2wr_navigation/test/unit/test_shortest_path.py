@@ -126,3 +126,11 @@ def test_the_path_back_has_the_same_length():
     there = shortest_path(obstacles, 0.25, (0.0, 0.0), (5.0, 0.0))
     back = shortest_path(obstacles, 0.25, (5.0, 0.0), (0.0, 0.0))
     assert there.length == pytest.approx(back.length, abs=1e-12) and there.length > 5.1
+
+
+def test_covered_shapes_do_not_count_among_the_corners():
+    """A barrier is made of boxes on each other: 400 of them have more corners than are allowed."""
+    walls = [box(2.0, 0.0, 0.8, 2.0), disc(3.5, 0.0, 0.4)]
+    layers = [box(2.0, 0.0, 0.8 - 0.001 * k, 2.0) for k in range(400)] + [disc(3.4, 0.0, 0.3), disc(3.5, 0.0, 0.4)]
+    assert shortest_path(walls + layers + walls, 0.25, (0.0, 0.0), (5.0, 0.3)).length == pytest.approx(
+        shortest_path(walls, 0.25, (0.0, 0.0), (5.0, 0.3)).length, abs=1e-12)

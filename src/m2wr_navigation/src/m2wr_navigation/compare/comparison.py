@@ -56,6 +56,8 @@ class Entry:
     contacts : int
     cpu_ms : float
         CPU time: of one plan, or of a cycle of a method [ms].
+    struck : int
+        Of the contacts, those in which an obstacle that moves ran into the robot.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Entry:
     clearance: float
     contacts: int
     cpu_ms: float
+    struck: int = 0
 
     @property
     def success(self) -> bool:
@@ -118,7 +121,7 @@ class Comparison:
         self._world, self._limit, self._seed = read_world(world), limit, seed
         self.name = world if isinstance(world, str) else world.name
         self.start, self.goal = tuple(map(float, start)), tuple(map(float, goal))
-        self.obstacles = obstacle_outlines(self._world, FLOOR, robot.body.height)
+        self.obstacles = obstacle_outlines(self._world, FLOOR, robot.body.height, (self.start[0], self.start[1]))
         self.movers = movers_of(self._world, FLOOR, robot.body.height)
         self.robot, self.inscribed = robot, robot.body.inscribed_radius
         self._axle = robot.body.axle(self.start)
@@ -196,7 +199,7 @@ class Comparison:
         clearance = min(least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance,
                         run.moving_clearance)
         return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
-                     run.time, clearance, run.contacts, spent)
+                     run.time, clearance, run.contacts, spent, run.struck)
 
 
 def order(entries: Sequence[Entry]) -> List[Entry]:

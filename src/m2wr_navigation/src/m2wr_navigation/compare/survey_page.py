@@ -9,7 +9,7 @@ import numpy as np
 
 from m2wr_navigation.compare.drawing import dot, pairs_of, polyline, shape
 from m2wr_navigation.compare.movers import movers_of
-from m2wr_navigation.compare.page import MARGIN, STYLE
+from m2wr_navigation.compare.page import MARGIN, STYLE, contacts_told
 from m2wr_navigation.compare.survey import ranked
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_sim.api import read_world
@@ -57,7 +57,8 @@ def _intro(robot: Robot) -> str:
             "Methods see only the laser. A success is the goal without a contact; its interval is Wilson's, 95 %. "
             "Other figures are means with the 95 % interval of a bootstrap: length over the exact shortest path of a "
             "disc of {:.2f} m, simulated time, and least clearance, of the successes; CPU time of one plan, or of one "
-            "cycle of a method at 20 Hz.</p>").format(robot.body.inscribed_radius)
+            "cycle of a method at 20 Hz. Of the contacts, those are told in which an obstacle that moves closed the "
+            "gap at least as fast as the robot.</p>").format(robot.body.inscribed_radius)
 
 
 def interval(three: Sequence[Any], digits: int) -> str:
@@ -82,13 +83,13 @@ def _row(row: Record, colour: str) -> str:
     shares = "{} of {} <small>({:.0f} to {:.0f} %)</small>"
     numbers = [shares.format(row["successes"], row["worlds"], 100.0 * low, 100.0 * high),
                interval(row["ratio"], 3), interval(row["time"], 1), interval(row["clearance"], 2),
-               str(row["contacts"]), interval(row["cpu_ms"], 2)]
+               contacts_told(row["contacts"], row["struck"]), interval(row["cpu_ms"], 2)]
     return "<tr>{}</tr>".format("".join(cells + ["<td class=n>{}</td>".format(text) for text in numbers]))
 
 
 def _picture(scene: Scene, records: Sequence[Record], robot: Robot, colours: Dict[str, str]) -> str:
     world, top = read_world(scene.world), robot.body.height
-    obstacles = obstacle_outlines(world, FLOOR, top)
+    obstacles = obstacle_outlines(world, FLOOR, top, (scene.start[0], scene.start[1]))
     best = shortest_path(obstacles, robot.body.inscribed_radius, robot.body.axle(scene.start), scene.goal)
     corners = np.concatenate([outline.vertices for outline in obstacles] + [best.points])
     low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Dict, List, Sequence, Tuple
 import numpy as np
 
 from m2wr_navigation.optimum.tangent_kernels import free_arcs, free_limits, is_point_free, tangents
-from m2wr_view.outlines import point_distances
+from m2wr_view.outlines import Outline, point_distances
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
-    from m2wr_view.outlines import Outline
 
 MOST_CORNERS = 1000         # of all obstacles: the tangents grow with its square, the work with its cube
 ARC_STEP = math.radians(3.0)        # between two points of an arc, only for display
@@ -72,7 +71,7 @@ def shortest_path(obstacles: Sequence[Outline], radius: float, start: Vector, go
             *ends.tolist(), radius))
     for place, end in zip(("start", "goal"), ends):
         _check_end(obstacles, radius, place, end)
-    points, first, radii = _inflated(obstacles, radius)
+    points, first, radii = _inflated(_outermost(obstacles), radius)
     if len(points) > MOST_CORNERS:
         raise ValueError("the obstacles have {} corners; expected at most {}".format(len(points), MOST_CORNERS))
     circles = np.concatenate([np.column_stack((points, np.repeat(radii, np.diff(first)))),
@@ -88,6 +87,23 @@ def _check_end(obstacles: Sequence[Outline], radius: float, place: str, end: Flo
             raise NoShortestPathError("the {} ({:.2f}, {:.2f}) is {:.2f} m from {}; the robot's radius is "
                                       "{:.2f} m".format(
                                           place, end[0], end[1], distance, outline.name or "an obstacle", radius))
+
+
+def _outermost(obstacles: Sequence[Outline]) -> List[Outline]:
+    """Return the outlines that no other one covers, such as the widest of the boxes of which a barrier is made."""
+    if not obstacles:
+        return []
+    boxes = np.array([(*(one.vertices.min(axis=0) - one.radius), *(-one.vertices.max(axis=0) - one.radius))
+                      for one in obstacles])
+    kept = list(range(len(obstacles)))
+    for k, one in enumerate(obstacles):
+        for j in np.flatnonzero((boxes <= boxes[k]).all(axis=1)).tolist():      # whose bounding box covers that of k
+            other = obstacles[j]
+            if j != k and j in kept and other.radius >= one.radius and not point_distances(
+                    one.vertices, Outline(other.vertices, other.radius - one.radius)).any():
+                kept.remove(k)
+                break
+    return [obstacles[k] for k in kept]
 
 
 def _inflated(obstacles: Sequence[Outline], radius: float) -> Tuple[FloatArray, IndexArray, FloatArray]:
