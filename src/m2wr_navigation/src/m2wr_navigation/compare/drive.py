@@ -67,6 +67,8 @@ class Drive:
         CPU time of the method, mean of a cycle [ms].
     moving_clearance : float
         Least distance of the robot's outline from an obstacle that moves, at the cycles [m]; infinite without one.
+    struck : int
+        Of the contacts, those in which an obstacle that moves closed the gap at least as fast as the robot.
     """
 
     outcome: str
@@ -76,6 +78,7 @@ class Drive:
     contacts: int
     cpu_ms: float
     moving_clearance: float = math.inf
+    struck: int = 0
 
     @property
     def length(self) -> float:
@@ -110,7 +113,7 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
             result = sim.step((decision.linear, decision.angular), PERIOD)
             poses.append(result.pose)
             contacts += len(result.contacts)
-            watch.look(sim, result.pose)
+            watch.look(sim, result.pose, result.contacts)
             before = time.process_time()
             decision = decide(result)
             spent, cycles = spent + time.process_time() - before, cycles + 1
@@ -120,7 +123,7 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
             decision = Decision(0.0, 0.0, TIME_OUT, "{:.0f} s".format(limit))
         duration = sim.time - begun
     return Drive(decision.outcome, decision.reason, np.array(poses), duration, contacts, 1e3 * spent / max(cycles, 1),
-                 watch.least)
+                 watch.least, watch.struck)
 
 
 def sensing_of(result: StepResult) -> Sensing:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, List, Sequence, Tuple
+from typing import TYPE_CHECKING, Dict, List, Sequence, Tuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from m2wr_view.outlines import Outline, least_clearance
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
-    from m2wr_sim.api import Sim
+    from m2wr_sim.api import Contact, Sim
     from m2wr_sim.model.types import Model, World
 
 NEAR = 3.0                  # m from the robot's origin: the distance of farther ones is not measured
@@ -83,7 +83,7 @@ def _path(model: Model) -> FloatArray:
 
 
 class Watch:
-    """Measures how near moving obstacles come to a robot in a simulation.
+    """Measures how near moving obstacles come to a robot in a simulation, and who closed the gap where they meet.
 
     Parameters
     ----------
@@ -95,12 +95,19 @@ class Watch:
     ----------
     least : float
         Least distance so far [m]; infinite if none came near.
+    struck : int
+        Contacts in which an obstacle approached the robot at least as fast as the robot approached it. What moves
+        reacts to nothing, so a robot that stands, or that flees too slowly, cannot avoid them.
     """
 
     def __init__(self, movers: Sequence[Mover], footprint: Sequence[Outline]) -> None:
-        self._movers, self._footprint, self.least = movers, footprint, math.inf
+        self._movers, self._footprint, self.least, self.struck = movers, footprint, math.inf, 0
+        self._places: Dict[str, Tuple[float, float]] = {}       # of movers, at the look before
+        self._pose: FloatArray = np.zeros(3)                    # of the robot, then
+        self._twist: FloatArray = np.zeros(3)                   # of the robot until then [m/s, m/s, rad/s]
+        self._time = math.nan
 
-    def look(self, sim: Sim, pose: Tuple[float, float, float]) -> None:
+    def look(self, sim: Sim, pose: Tuple[float, float, float], contacts: Sequence[Contact] = ()) -> None:
         """Measure now.
 
         Parameters
@@ -108,16 +115,42 @@ class Watch:
         sim : Sim
         pose : (float, float, float)
             Of the robot [m, m, rad].
+        contacts : sequence of Contact, optional
+            Of the robot, that have begun since the look before.
         """
         near: List[Outline] = []
+        places: Dict[str, Tuple[float, float]] = {}
         for mover in self._movers:
             model = sim.simulator.models[mover.name]
             (x, y, _), orientation = model.pose(sim.simulator.engine)
+            places[mover.name] = x, y
             if math.hypot(x - pose[0], y - pose[1]) < NEAR:
                 yaw = yaw_of(orientation)
                 near += [_planar(outline, x, y, yaw) for outline in mover.outlines]
         if near:
             self.least = min(self.least, least_clearance(np.array([pose]), near, self._footprint).distance)
+        passed = sim.time - self._time
+        for contact in contacts:
+            self.struck += passed > 0.0 and self._is_struck(contact, places, passed)
+        if passed > 0.0:        # no: it is the first look
+            moved = np.subtract(pose, self._pose)
+            self._twist = np.append(moved[:2], math.remainder(moved[2], 2.0 * math.pi)) / passed
+        self._places, self._pose, self._time = places, np.array(pose, float), sim.time
+
+    def _is_struck(self, contact: Contact, places: Dict[str, Tuple[float, float]], passed: float) -> bool:
+        """Return whether a mover closed the gap at least as fast as the robot, by the velocities before they met."""
+        for part in (contact.first, contact.second):
+            name = part.split("::")[0]
+            if name not in places or name not in self._places:
+                continue
+            point = np.array(contact.position[:2])
+            towards = np.subtract(places[name], point)
+            towards /= max(float(np.hypot(*towards)), 1e-9)
+            arm = point - self._pose[:2]
+            robot = self._twist[:2] + self._twist[2] * np.array([-arm[1], arm[0]])
+            mover = np.subtract(places[name], self._places[name]) / passed
+            return float(-mover @ towards) >= float(robot @ towards)
+        return False
 
 
 def least_start_distance(movers: Sequence[Mover], points: FloatArray) -> FloatArray:
