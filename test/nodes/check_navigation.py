@@ -7,6 +7,7 @@ import sys
 
 import dynamic_reconfigure.client
 import numpy as np
+import rosnode
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist
@@ -115,6 +116,16 @@ class Navigation(NavigationCase):
         publisher.publish(pose(*target))
         current.wait(lambda messages: messages, "the current goal")
         wait_until(lambda: np.hypot(*(self.place() - target)) < 0.2, "the robot at the goal", 60.0)
+
+    def test_8_a_node_that_is_ended_stops_the_robot(self):
+        self.client.send_goal(MoveBaseGoal(target_pose=pose(5.0, -5.0)))
+        self.commands.clear()
+        self.commands.wait(lambda messages: messages[-1].linear.x > 0.1, "a drive")
+        rosnode.kill_nodes(["/move_base"])
+        self.commands.wait(lambda messages: (messages[-1].linear.x, messages[-1].angular.z) == (0.0, 0.0), "a stop")
+        wait_until(lambda: "/move_base" not in rosnode.get_node_names(), "the end of move_base", 30.0)
+        last = self.commands.messages[-1]
+        self.assertEqual((last.linear.x, last.angular.z), (0.0, 0.0))
 
 
 if __name__ == "__main__":

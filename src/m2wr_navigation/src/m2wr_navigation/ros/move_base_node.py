@@ -73,6 +73,7 @@ class MoveBase:
         self._velocity, self._moving = BaseVelocity(), False
         self._told = ""                 # why the velocity is that of tf
         self._end = threading.Event()
+        self._sending = threading.Lock()    # of commands: none follows the stop at the end
         self.transforms = Transforms()
         self.maps: Dict[str, CostmapServer] = {
             which: CostmapServer(which + "_costmap", self.transforms) for which in ("global", "local")}
@@ -230,9 +231,11 @@ class MoveBase:
 
     def _send(self, velocity: FloatArray) -> None:
         message = Twist()
-        message.linear.x, message.linear.y, message.angular.z = (float(value) for value in velocity)
-        self._moving = bool(np.any(velocity))
-        self._commands.publish(message)
+        with self._sending:
+            if not self._end.is_set():      # else it is the last command, a stop
+                message.linear.x, message.linear.y, message.angular.z = (float(value) for value in velocity)
+            self._moving = bool(np.any(velocity))
+            self._commands.publish(message)
 
     def _cycle(self, now: float) -> Outcome:
         for number, plan in self._planning.answers():
