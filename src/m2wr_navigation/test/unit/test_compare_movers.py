@@ -65,7 +65,7 @@ def test_too_many_are_told(capsys, monkeypatch):
 def test_contact_with_a_robot_that_waits_is_counted():
     run = drive(read_world(WORLD.format(ACTOR.format(0.5, -1))), (0.0, 0.0, 0.0), lambda _: Decision(0.0, 0.0), 5.0)
     assert run.contacts > 0 and run.moving_clearance < 0.01 and run.outcome == "time out"
-    assert run.struck == run.contacts
+    assert run.met == run.struck == 1
     run = drive(read_world(WORLD.format(ACTOR.format(0.5, 2))), (0.0, 0.0, 0.0), lambda _: Decision(0.0, 0.0), 6.5)
     front = max(float(part.vertices[:, 0].max()) + part.radius for part in M2WR_FOOTPRINT)
     assert run.contacts == 0 and run.moving_clearance == pytest.approx(2.0 - 0.25 - front, abs=0.02)
@@ -82,7 +82,7 @@ def test_who_closes_the_gap_faster_has_run_into_the_other(begin, end, struck):
         return Decision(0.3, 0.0, "reached" if met else "running")
 
     run = drive(world, (0.0, 0.0, 0.0), until_they_meet, 6.0)
-    assert run.contacts > 0 and run.struck == (run.contacts if struck else 0)
+    assert run.contacts > 0 and (run.met, run.struck) == (1, int(struck))
 
 
 def test_only_the_heights_of_the_robot_count():

@@ -56,8 +56,8 @@ class Entry:
     contacts : int
     cpu_ms : float
         CPU time: of one plan, or of a cycle of a method [ms].
-    struck : int
-        Of the contacts, those in which an obstacle that moves ran into the robot.
+    met, struck : int
+        Meetings with obstacles that move, and those of them in which the obstacle ran into the robot.
     """
 
     name: str
@@ -71,6 +71,7 @@ class Entry:
     clearance: float
     contacts: int
     cpu_ms: float
+    met: int = 0
     struck: int = 0
 
     @property
@@ -199,7 +200,7 @@ class Comparison:
         clearance = min(least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance,
                         run.moving_clearance)
         return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
-                     run.time, clearance, run.contacts, spent, run.struck)
+                     run.time, clearance, run.contacts, spent, run.met, run.struck)
 
 
 def order(entries: Sequence[Entry]) -> List[Entry]:

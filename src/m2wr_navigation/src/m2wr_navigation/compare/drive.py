@@ -67,8 +67,9 @@ class Drive:
         CPU time of the method, mean of a cycle [ms].
     moving_clearance : float
         Least distance of the robot's outline from an obstacle that moves, at the cycles [m]; infinite without one.
-    struck : int
-        Of the contacts, those in which an obstacle that moves closed the gap at least as fast as the robot.
+    met, struck : int
+        Meetings with obstacles that move, and those of them in which the obstacle closed the gap at least as fast as
+        the robot; see :class:`m2wr_navigation.compare.movers.Watch`.
     """
 
     outcome: str
@@ -78,6 +79,7 @@ class Drive:
     contacts: int
     cpu_ms: float
     moving_clearance: float = math.inf
+    met: int = 0
     struck: int = 0
 
     @property
@@ -123,7 +125,7 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
             decision = Decision(0.0, 0.0, TIME_OUT, "{:.0f} s".format(limit))
         duration = sim.time - begun
     return Drive(decision.outcome, decision.reason, np.array(poses), duration, contacts, 1e3 * spent / max(cycles, 1),
-                 watch.least, watch.struck)
+                 watch.least, watch.met, watch.struck)
 
 
 def sensing_of(result: StepResult) -> Sensing:

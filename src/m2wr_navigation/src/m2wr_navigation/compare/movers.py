@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 NEAR = 3.0                  # m from the robot's origin: the distance of farther ones is not measured
 APART = 0.2                 # s between two points of a drawn path
 LONGEST = 600.0             # s of a drawn path
+MEETING = 1.0               # s: who was apart for longer meets again
 
 
 @dataclass(frozen=True)
@@ -95,13 +96,16 @@ class Watch:
     ----------
     least : float
         Least distance so far [m]; infinite if none came near.
+    met : int
+        Meetings: contacts with an obstacle that moves, of which those in less than MEETING count once.
     struck : int
-        Contacts in which an obstacle approached the robot at least as fast as the robot approached it. What moves
-        reacts to nothing, so a robot that stands, or that flees too slowly, cannot avoid them.
+        Of the meetings, those in which the obstacle approached the robot at least as fast as the robot approached it.
+        What moves reacts to nothing, so a robot that stands, or that flees too slowly, cannot avoid them.
     """
 
     def __init__(self, movers: Sequence[Mover], footprint: Sequence[Outline]) -> None:
-        self._movers, self._footprint, self.least, self.struck = movers, footprint, math.inf, 0
+        self._movers, self._footprint, self.least, self.met, self.struck = movers, footprint, math.inf, 0, 0
+        self._last: Dict[str, float] = {}                       # time of the last contact with a mover [s]
         self._places: Dict[str, Tuple[float, float]] = {}       # of movers, at the look before
         self._pose: FloatArray = np.zeros(3)                    # of the robot, then
         self._twist: FloatArray = np.zeros(3)                   # of the robot until then [m/s, m/s, rad/s]
@@ -131,26 +135,25 @@ class Watch:
             self.least = min(self.least, least_clearance(np.array([pose]), near, self._footprint).distance)
         passed = sim.time - self._time
         for contact in contacts:
-            self.struck += passed > 0.0 and self._is_struck(contact, places, passed)
+            for name in {contact.first.split("::")[0], contact.second.split("::")[0]} & places.keys():
+                if sim.time - self._last.get(name, -math.inf) > MEETING:
+                    self.met += 1
+                    self.struck += passed > 0.0 and self._is_struck(contact, name, places[name], passed)
+                self._last[name] = sim.time
         if passed > 0.0:        # no: it is the first look
             moved = np.subtract(pose, self._pose)
             self._twist = np.append(moved[:2], math.remainder(moved[2], 2.0 * math.pi)) / passed
         self._places, self._pose, self._time = places, np.array(pose, float), sim.time
 
-    def _is_struck(self, contact: Contact, places: Dict[str, Tuple[float, float]], passed: float) -> bool:
+    def _is_struck(self, contact: Contact, name: str, place: Tuple[float, float], passed: float) -> bool:
         """Return whether a mover closed the gap at least as fast as the robot, by the velocities before they met."""
-        for part in (contact.first, contact.second):
-            name = part.split("::")[0]
-            if name not in places or name not in self._places:
-                continue
-            point = np.array(contact.position[:2])
-            towards = np.subtract(places[name], point)
-            towards /= max(float(np.hypot(*towards)), 1e-9)
-            arm = point - self._pose[:2]
-            robot = self._twist[:2] + self._twist[2] * np.array([-arm[1], arm[0]])
-            mover = np.subtract(places[name], self._places[name]) / passed
-            return float(-mover @ towards) >= float(robot @ towards)
-        return False
+        point = np.array(contact.position[:2])
+        towards = np.subtract(place, point)
+        towards /= max(float(np.hypot(*towards)), 1e-9)
+        arm = point - self._pose[:2]
+        robot = self._twist[:2] + self._twist[2] * np.array([-arm[1], arm[0]])
+        mover = np.subtract(place, self._places.get(name, place)) / passed
+        return float(-mover @ towards) >= float(robot @ towards)
 
 
 def least_start_distance(movers: Sequence[Mover], points: FloatArray) -> FloatArray:

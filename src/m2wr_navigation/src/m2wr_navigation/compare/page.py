@@ -62,15 +62,15 @@ def _intro(comparison: Comparison) -> str:
             "of a method at 20 Hz.</p>").format(comparison.optimum.length, comparison.inscribed)
 
 
-def contacts_told(contacts: int, struck: int) -> str:
-    """Return the number of contacts, and how many of them a robot could not avoid.
+def contacts_told(contacts: int, met: int, struck: int) -> str:
+    """Return the number of contacts, of meetings with what moves, and of those that a robot could not avoid.
 
     Parameters
     ----------
-    contacts, struck : int
-        All, and those in which an obstacle that moves ran into the robot.
+    contacts, met, struck : int
+        As of :class:`m2wr_navigation.compare.comparison.Entry`.
     """
-    return "{} <small>({} run into it)</small>".format(contacts, struck) if struck else str(contacts)
+    return "{} <small>({} met, {} run into it)</small>".format(contacts, met, struck) if met else str(contacts)
 
 
 def _row(entry: Entry) -> str:
@@ -78,7 +78,7 @@ def _row(entry: Entry) -> str:
              "</td><td title=\"", escape(entry.reason), "\">", escape(entry.outcome), "</td>"]
     numbers = ["{:.3f}".format(entry.ratio) if entry.success else "", "{:.2f}".format(entry.length) if entry.success
                else "", "{:.1f}".format(entry.time), "{:.2f}".format(entry.clearance),
-               contacts_told(entry.contacts, entry.struck), "{:.2f}".format(entry.cpu_ms)]
+               contacts_told(entry.contacts, entry.met, entry.struck), "{:.2f}".format(entry.cpu_ms)]
     cells += ["<td class=n>{}</td>".format(number) for number in numbers]
     return "<tr{}>{}</tr>".format("" if entry.success else " class=bad", "".join(cells))
 

@@ -178,6 +178,7 @@ def summary(name: str, records: Sequence[Record]) -> Record:
     found: Record = {"name": name, "kind": mine[0]["kind"] if mine else "", "worlds": len(mine),
                      "successes": len(good), "success_interval": list(wilson(len(good), len(mine))),
                      "contacts": sum(record["contacts"] for record in mine),
+                     "met": sum(record.get("met", 0) for record in mine),
                      "struck": sum(record.get("struck", 0) for record in mine)}
     for key, used in (("ratio", good), ("time", good), ("clearance", good), ("cpu_ms", mine)):
         values = [record[key] for record in used if record[key] is not None]

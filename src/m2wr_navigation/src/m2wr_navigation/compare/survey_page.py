@@ -57,8 +57,9 @@ def _intro(robot: Robot) -> str:
             "Methods see only the laser. A success is the goal without a contact; its interval is Wilson's, 95 %. "
             "Other figures are means with the 95 % interval of a bootstrap: length over the exact shortest path of a "
             "disc of {:.2f} m, simulated time, and least clearance, of the successes; CPU time of one plan, or of one "
-            "cycle of a method at 20 Hz. Of the contacts, those are told in which an obstacle that moves closed the "
-            "gap at least as fast as the robot.</p>").format(robot.body.inscribed_radius)
+            "cycle of a method at 20 Hz. Contacts with an obstacle that moves, less than a second apart, are one "
+            "meeting; it has run into the robot if it closed the gap at least as fast.</p>").format(
+                robot.body.inscribed_radius)
 
 
 def interval(three: Sequence[Any], digits: int) -> str:
@@ -83,7 +84,7 @@ def _row(row: Record, colour: str) -> str:
     shares = "{} of {} <small>({:.0f} to {:.0f} %)</small>"
     numbers = [shares.format(row["successes"], row["worlds"], 100.0 * low, 100.0 * high),
                interval(row["ratio"], 3), interval(row["time"], 1), interval(row["clearance"], 2),
-               contacts_told(row["contacts"], row["struck"]), interval(row["cpu_ms"], 2)]
+               contacts_told(row["contacts"], row["met"], row["struck"]), interval(row["cpu_ms"], 2)]
     return "<tr>{}</tr>".format("".join(cells + ["<td class=n>{}</td>".format(text) for text in numbers]))
 
 
