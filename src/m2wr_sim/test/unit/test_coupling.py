@@ -200,3 +200,33 @@ def test_both_engines_agree_to_the_bit():
                        + [engine.joint_rate(number) for table in joints.values() for number in table.values()])
         simulator.close()
     assert results[0] == results[1]
+
+
+def test_controllers_drive_both_axes_of_a_joint(make_rig):
+    names = ("knuckle", "knuckle::axis2")
+    text = "<robot name='m'><link name='base'/>" + "".join(
+        '<transmission name="{0}_t"><type>transmission_interface/SimpleTransmission</type><joint name="{0}">'
+        "<hardwareInterface>hardware_interface/VelocityJointInterface</hardwareInterface></joint>"
+        '<actuator name="{0}_m"/></transmission>'.format(name) for name in names) + "</robot>"
+    rig = make_rig(joint_states=False)
+    rig.ports.parameters["/robot_description"] = text
+    rig.ports.parameters["/states"] = {"type": "joint_state_controller/JointStateController", "publish_rate": 50}
+    for place, name in enumerate(names):
+        kind = "velocity_controllers/JointVelocityController"
+        rig.ports.parameters["/turn_%d" % place] = {"type": kind, "joint": name}
+    rig.simulator.spawn(model(cross("revolute2") + '<plugin name="c" filename="libgazebo_ros_control.so"/>'), REST,
+                        namespace="/")
+    from controller_manager_msgs.srv import LoadControllerRequest, SwitchControllerRequest
+    from std_msgs.msg import Float64
+    services = rig.ports.services
+    wanted = ["states", "turn_0", "turn_1"]
+    for name in wanted:
+        assert services["/controller_manager/load_controller"].callback(LoadControllerRequest(name)).ok
+    assert services["/controller_manager/switch_controller"].callback(
+        SwitchControllerRequest(wanted, [], SwitchControllerRequest.STRICT, False, 0.0)).ok
+    rig.ports.send("/turn_0/command", Float64(0.2))
+    rig.ports.send("/turn_1/command", Float64(3.0))
+    rig.run(1.0)
+    assert (rig.rate("knuckle", "m"), rig.rate("knuckle::axis2", "m")) == pytest.approx((0.2, 3.0), abs=0.01)
+    state = rig.messages("/joint_states")[-1]
+    assert dict(zip(state.name, state.velocity)) == pytest.approx({"knuckle": 0.2, "knuckle::axis2": 3.0}, abs=0.01)
