@@ -77,6 +77,21 @@ def test_controllers_and_nodelets_name_their_packages(machine, packages, tmp_pat
     assert not found["problem"] and "package gone_nodelets is missing" in found["warning"]
 
 
+@pytest.mark.parametrize("display, told", [("", True), (":0", False)])
+def test_windows_need_a_display(machine, tmp_path, monkeypatch, display, told):
+    folder = tmp_path / "rviz"
+    folder.mkdir()
+    (folder / "package.xml").write_text('<package format="2"><name>rviz</name></package>')
+    (folder / "rviz").write_text("")
+    (folder / "rviz").chmod(0o755)
+    monkeypatch.setattr(machine, "environ", dict(
+        machine.environ, DISPLAY=display, WAYLAND_DISPLAY="", ROS_PACKAGE_PATH="%s:%s" % (
+            tmp_path, machine.environ.get("ROS_PACKAGE_PATH", ""))))
+    found = examine(machine, PackageList(machine), tmp_path, '<node pkg="rviz" type="rviz" name="view"/>')
+    assert ("rviz opens a window, and there is no display" in found["warning"]) == told
+    assert ("1 nodes can be started" in found["ok"]) != told
+
+
 NODELETS = """<library path="lib/libbump_nodelets"><class name="bump/Cloud" type="bump::Cloud" base_class_type=
 "nodelet::Nodelet"/></library>"""
 

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 _FILES, _PACKAGES, _NODES, _ROBOT, _WORLD = "launch file", "packages", "nodes", "robot", "world"
 _OWN = b"m2wr.example"      # in the package.xml of our packages and stand-ins
+#: Programs that need a display, and what to start where there is none.
+_WINDOWS = {
+    ("joint_state_publisher_gui", "joint_state_publisher_gui"):
+        'without sliders it is pkg="joint_state_publisher" type="joint_state_publisher"; controllers move joints',
+    ("rviz", "rviz"): "leave it out by the launch file's argument for it; live:=true shows the robots in a browser",
+}
 _MOST_NOTES = 10            # warnings on one description
 
 
@@ -127,9 +133,9 @@ def _check_nodes(machine: Machine, packages: PackageList, contents: LaunchConten
             found.append(level(_NODES, "node %s (%s): package %s has no executable %s; %s" % (
                 node.name, node.place, node.package, node.kind, effect), _other_names(machine, packages, node)))
         else:
-            wrong = _check_words(machine, packages, contents, node)
+            wrong = _check_display(machine, packages, node) + _check_words(machine, packages, contents, node)
             found += wrong
-            there += not wrong or node.package != "nodelet"
+            there += not wrong or node.package == "controller_manager"
     return found + ([ok(_NODES, "%d nodes can be started", there)] if there else [])
 
 
@@ -150,6 +156,16 @@ def _other_names(machine: Machine, packages: PackageList, node: NodeEntry) -> st
     if (node.package, node.kind) == ("robot_state_publisher", "state_publisher"):
         return 'write type="robot_state_publisher": the name state_publisher was removed in Noetic'
     return "build the package (make build), or correct type=\"%s\"" % node.kind
+
+
+def _check_display(machine: Machine, packages: PackageList, node: NodeEntry) -> List[Finding]:
+    """Check whether a program with a window has a display; our stand-ins need none."""
+    instead = _WINDOWS.get((node.package, node.kind))
+    if instead is None or any(machine.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")) \
+            or _is_own(machine, packages, node.package):
+        return []
+    return [warning(_NODES, "node %s (%s): %s opens a window, and there is no display" % (
+        node.name, node.place, node.kind), instead)]
 
 
 def _check_words(machine: Machine, packages: PackageList, contents: LaunchContents, node: NodeEntry) -> List[Finding]:
