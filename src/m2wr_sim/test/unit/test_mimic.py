@@ -121,3 +121,22 @@ def test_bad_tags_are_named(close, caplog, tag, text):
         "<multiplier>-1.0</multiplier>", "<%s>%s</%s>" % (tag, text, tag))
     _, left, right = close(gripper(more=plugin))
     assert text in caplog.text and left == pytest.approx(-0.05, abs=0.001) and abs(right) < 1e-3
+
+
+def test_a_strong_light_joint_waits_at_its_stop(make_rig):
+    # a gripper whose <mimic> leads one joint out of its limits: 1000 N m on 1e-4 kg m^2 threw the model about
+    text = "<robot name='gripper'><link name='world'/><joint name='fix' type='fixed'><parent link='world'/>" \
+        "<child link='hand'/></joint>" + LINK.format("hand", 5, "")
+    for name, parent, more in (("left", "hand", ""), ("tip", "left_link", '<mimic joint="left" multiplier="-1"/>'),
+                               ("right", "hand", '<mimic joint="left"/>')):
+        text += LINK.format(name + "_link", 0.1, "").replace("0.01", "1e-4")
+        text += '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}_link"/><origin xyz="0 0.03 0.1"/>' \
+            '<axis xyz="1 0 0"/><limit lower="0" upper="0.88" effort="1000" velocity="2"/>{2}</joint>'.format(
+                name, parent, more)
+    rig = make_rig()
+    rig.simulator.spawn(load_urdf(text + "</robot>", "test"), ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0, 1.0)))
+    joints = rig.simulator.models["gripper"].handle.joints
+    rig.engine.set_joint_motor(joints["left"], 0.5, 20.0)
+    rig.run(1.0)
+    assert [rig.engine.joint_angle(joints[name]) for name in ("left", "right", "tip")] == pytest.approx(
+        [0.5, 0.5, 0.0], abs=0.02)

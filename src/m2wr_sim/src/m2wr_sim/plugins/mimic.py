@@ -37,6 +37,9 @@ class MimicJoint(Plugin):
         self._fastest = min(axis.velocity, FASTEST_SERVO) if axis.velocity > 0.0 else FASTEST_SERVO
         self._pid: Optional[Pid] = self._read_pid(spec, follower)
         self._motor: Optional[float] = None
+        if self._pid is None:
+            # targets keep the limits; at a stop the solver would add the motor's greatest force to the joint
+            ctx.physics.change_joint(self._follower, axis, {"lower": -math.inf, "upper": math.inf})
 
     def _read_pid(self, spec: PluginReader, follower: str) -> Optional[Pid]:
         """Return the controller with the gains of a parameter, if ``<hasPID>`` is there; its text may name it."""
