@@ -130,9 +130,9 @@ def test_a_strong_light_joint_waits_at_its_stop(make_rig):
     for name, parent, more in (("left", "hand", ""), ("tip", "left_link", '<mimic joint="left" multiplier="-1"/>'),
                                ("right", "hand", '<mimic joint="left"/>')):
         text += LINK.format(name + "_link", 0.1, "").replace("0.01", "1e-4")
-        text += '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}_link"/><origin xyz="0 0.03 0.1"/>' \
-            '<axis xyz="1 0 0"/><limit lower="0" upper="0.88" effort="1000" velocity="2"/>{2}</joint>'.format(
-                name, parent, more)
+        text += '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}_link"/>' \
+            '<origin xyz="0 0.03 0.1"/><axis xyz="1 0 0"/>' \
+            '<limit lower="0" upper="0.88" effort="1000" velocity="2"/>{2}</joint>'.format(name, parent, more)
     rig = make_rig()
     rig.simulator.spawn(load_urdf(text + "</robot>", "test"), ((0.0, 0.0, 0.5), (0.0, 0.0, 0.0, 1.0)))
     joints = rig.simulator.models["gripper"].handle.joints
