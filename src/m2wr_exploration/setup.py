@@ -3,6 +3,6 @@ from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
 setup(**generate_distutils_setup(
-    packages=['m2wr_exploration'] + ['m2wr_exploration.' + layer for layer in ('ros', 'strategies', 'study')],
+    packages=['m2wr_exploration'] + ['m2wr_exploration.' + layer for layer in ('ros', 'strategies', 'study', 'team')],
     package_dir={'': 'src'},
 ))

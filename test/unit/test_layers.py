@@ -149,6 +149,8 @@ RULES = (
     Rule("m2wr_exploration/study/*.py", NUMERIC | {"matplotlib", "yaml"}, False, True, ("m2wr_exploration.ros",)),
     Rule("m2wr_exploration/strategies/*.py", NUMERIC, False, True,
          ("m2wr_exploration.ros", "m2wr_exploration.study", "m2wr_exploration.explorer")),
+    Rule("m2wr_exploration/team/*.py", NUMERIC, False, True,
+         ("m2wr_exploration.ros", "m2wr_exploration.study", "m2wr_exploration.explorer", "m2wr_navigation.ros")),
     Rule("m2wr_exploration/*.py", NUMERIC, False, True,
          ("m2wr_exploration.ros", "m2wr_exploration.study", "m2wr_navigation.ros")),
     Rule("m2wr_elevation/ros/*.py", ANYTHING, True, False, ()),

@@ -133,6 +133,42 @@ def visible(costs: Uint8Array, row: int, column: int, reach: float, rays: int, s
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def sight_counts(costs: Uint8Array, cells: IndexArray, reach: float, rays: int) -> Int32Array:
+    """Count, for each cell, from how many of some cells it is in sight, through known space without obstacles.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+    cells : (N, 2) int64
+        Row and column; a cell may itself be unknown.
+    reach : float
+        Of a look [cells].
+    rays : int
+        In a full circle.
+
+    Returns
+    -------
+    (H, W) int32
+    """
+    rows, columns = costs.shape
+    counts, last = np.zeros((rows, columns), np.int32), np.full((rows, columns), -1, np.int32)
+    for number in range(len(cells)):
+        for ray in range(rays):
+            angle = 2.0 * math.pi * ray / rays
+            up, across = 0.5 * math.sin(angle), 0.5 * math.cos(angle)
+            for step in range(int(2.0 * reach) + 1):
+                r, c = int(cells[number, 0] + 0.5 + step * up), int(cells[number, 1] + 0.5 + step * across)
+                if not (0 <= r < rows and 0 <= c < columns):
+                    break
+                if costs[r, c] >= LETHAL and (r != cells[number, 0] or c != cells[number, 1]):
+                    break
+                if last[r, c] != number:
+                    last[r, c] = number
+                    counts[r, c] += 1
+    return counts
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def count_unknown(costs: Uint8Array, cells: IndexArray, reach: int) -> int:
     """Return how many unknown cells are in the smallest rectangle around some cells, widened.
 

@@ -15,11 +15,17 @@ from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.planners import wave_kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int8Array, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int8Array, Int32Array, Uint8Array
 
 NEAR = 1.0                  # m: the search begins at the nearest passable cell, at most this far from the robot
 RAYS = 180                  # of a simulated look: every second degree, as the laser of a small robot
+CLOSE = 3.0                 # m: from so near the robot looks into corners
+SLIT = 1.5                  # cells: what is nearer to an obstacle is no corner; a wall has gaps where no ray has hit it
+WIDE = 128                  # cost above which a place is narrow; the robot looks from others where it can
+IN_SIGHT = 1.0 / 3.0        # of a corner: so much has to be in sight from one place
+LOOKS = 12                  # cells of a corner for which the lines of sight are drawn
 _NOWHERE = np.zeros((0, 0), np.uint8)
+_NOT_LETHAL = np.where(np.arange(256) < LETHAL, 1.0, np.inf).astype(np.float32)
 
 
 def costs_of_occupancy(occupancy: Int8Array) -> Uint8Array:
@@ -56,7 +62,7 @@ class Frontier:
     centre : (2,) float64
         Mean of the points [m].
     goal : (2,) float64
-        The reachable place beside the frontier that is nearest to its centre [m].
+        The reachable place beside the frontier that is nearest to its centre, or from which it is in sight [m].
     goal_cell : (int, int)
         Its row and column.
     size : float
@@ -136,7 +142,8 @@ def with_room(costmap: Costmap, radius: float) -> Costmap:
     return Costmap(costs.astype(np.uint8), costmap.resolution, costmap.origin, costmap.frame)
 
 
-def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0) -> View:
+def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
+         corner: float = 0.0, known: Optional[Costmap] = None) -> View:
     """Find the frontiers that the robot can reach.
 
     Parameters
@@ -148,6 +155,11 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0)
         Size of the smallest frontier [m].
     radius : float
         Of the disc in which the robot can turn [m]; 0: the costs alone say where it can be.
+    corner : float
+        Size of the smallest frontier that the robot cannot be beside, but that is in sight of a place where it can be
+        [m]; 0: such frontiers do not count.
+    known : Costmap, optional
+        The map without inflation, for corners: a costmap does not tell which of its inscribed cells were seen.
 
     Returns
     -------
@@ -168,27 +180,79 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0)
                     "{:.2f})".format(NEAR, robot[0], robot[1]))
     distance = distances(costmap, start)
     groups, count = frontier_kernels.frontier_groups(costmap.costs, distance)
+    enough = [part for part in _parts(groups, count) if len(part) * costmap.resolution >= least]
+    made = [_frontier(costmap, robot, distance, part, _beside(part, distance)) for part in enough]
+    if corner > 0.0:
+        made += _corners(costmap, costmap.costs if known is None else _aligned(known, costmap), robot, distance, corner,
+                         groups, start)
+    found = [frontier for frontier in made if frontier is not None]
+    return View(costmap, robot, distance, found, count - len(enough))
+
+
+def _parts(groups: Int32Array, count: int) -> List[IndexArray]:
+    """Return the cells of each group."""
+    if not count:
+        return []
     cells = np.argwhere(groups)
     numbers = groups[cells[:, 0], cells[:, 1]]
     order = np.argsort(numbers, kind="stable")
-    parts = np.split(cells[order], np.searchsorted(numbers[order], np.arange(2, count + 1)))
-    enough = [part for part in parts if len(part) * costmap.resolution >= least] if count else []
-    made = [frontier for frontier in (_frontier(costmap, robot, distance, part) for part in enough) if frontier]
-    return View(costmap, robot, distance, made, count - len(enough))
+    return np.split(cells[order], np.searchsorted(numbers[order], np.arange(2, count + 1)))
 
 
-def _frontier(costmap: Costmap, robot: FloatArray, distance: Float32Array, cells: IndexArray) -> Optional[Frontier]:
+def _aligned(known: Costmap, costmap: Costmap) -> Uint8Array:
+    """Return the costs (H, W) of a map at the cells of another one; unknown where it has none."""
+    centres = [costmap.origin[axis] + (np.arange(count) + 0.5) * costmap.resolution
+               for axis, count in ((1, costmap.rows), (0, costmap.columns))]
+    rows, columns = (np.floor((centre - known.origin[axis]) / known.resolution).astype(int)
+                     for centre, axis in zip(centres, (1, 0)))
+    inside = np.outer((rows >= 0) & (rows < known.rows), (columns >= 0) & (columns < known.columns))
+    found = known.costs[np.ix_(np.clip(rows, 0, known.rows - 1), np.clip(columns, 0, known.columns - 1))]
+    return np.where(inside, found, np.uint8(NO_INFORMATION))
+
+
+def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Float32Array, least: float,
+             groups: Int32Array, start: Tuple[int, int]) -> List[Optional[Frontier]]:
+    """Return the frontiers at known free space that is too narrow for the robot, but that it can look into.
+
+    Those at the ends of other frontiers are left: they are seen with these.
+    """
+    near = np.empty(costmap.shape, np.float32)
+    distance_transform(seen == LETHAL, SLIT + 1.0, near)
+    costs = np.where(near <= SLIT, np.uint8(LETHAL), seen)
+    free, _ = wave_kernels.connected(costs, _NOT_LETHAL, start)
+    other, count = frontier_kernels.frontier_groups(costs, np.where(free == 1, np.float32(0), np.float32(np.inf)))
+    taken = np.unique(other[(groups > 0) & (other > 0)])
+    made = []
+    for part in _parts(other, count):
+        if len(part) * costmap.resolution < least or other[tuple(part[0])] in taken:
+            continue
+        some = part[::max(1, len(part) // LOOKS)]
+        counts = frontier_kernels.sight_counts(costs, some, CLOSE / costmap.resolution, RAYS)
+        counts[~np.isfinite(distance)] = 0
+        if (counts * (costmap.costs < WIDE)).any():
+            counts[costmap.costs >= WIDE] = 0
+        if counts.max() >= IN_SIGHT * len(some):
+            made.append(_frontier(costmap, robot, distance, part, np.argwhere(2 * counts > counts.max()), True))
+    return made
+
+
+def _beside(cells: IndexArray, distance: Float32Array) -> IndexArray:
+    """Return the reachable neighbours (N, 2) of cells."""
+    beside = (cells[:, None] + np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])).reshape(-1, 2)
+    beside = beside[((beside >= 0) & (beside < np.array(distance.shape))).all(axis=1)]
+    return beside[np.isfinite(distance[beside[:, 0], beside[:, 1]])]
+
+
+def _frontier(costmap: Costmap, robot: FloatArray, distance: Float32Array, cells: IndexArray, views: IndexArray,
+              by_path: bool = False) -> Optional[Frontier]:
+    """Return a frontier that is looked at from one of some cells: the nearest to it, or that with the shortest path."""
+    if not len(views):
+        return None
     points = (cells[:, ::-1] + 0.5) * costmap.resolution + costmap.origin
     centre = points.mean(axis=0)
-    beside = (cells[:, None] + np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])).reshape(-1, 2)
-    inside = ((beside >= 0) & (beside < np.array(costmap.shape))).all(axis=1)
-    beside = beside[inside]
-    beside = beside[np.isfinite(distance[beside[:, 0], beside[:, 1]])]
-    if not len(beside):
-        return None
-    places = (beside[:, ::-1] + 0.5) * costmap.resolution + costmap.origin
-    best = int(np.argmin(np.square(places - centre).sum(axis=1)))
-    row, column = int(beside[best, 0]), int(beside[best, 1])
+    places = (views[:, ::-1] + 0.5) * costmap.resolution + costmap.origin
+    best = int(np.argmin(distance[views[:, 0], views[:, 1]] if by_path else np.square(places - centre).sum(axis=1)))
+    row, column = int(views[best, 0]), int(views[best, 1])
     return Frontier(cells, points, centre, places[best], (row, column), len(cells) * costmap.resolution,
                     float(np.sqrt(np.square(points - robot).sum(axis=1).min())), float(distance[row, column]))
 

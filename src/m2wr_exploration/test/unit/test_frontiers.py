@@ -87,3 +87,41 @@ def test_gain_is_the_unknown_area_in_view():
     costs[:, 21:] = 255
     view = look(Costmap(costs, 0.1, np.zeros(2), "map"), np.array([1.0, 2.05]), 0.0)
     assert gain(view.costmap, view.frontiers[0], 1.0) == pytest.approx(0.5 * np.pi, abs=0.15)
+
+
+ALCOVE = """
+##########
+#........#
+#........#
+#........#
+#........#
+#........#
+####??####
+####??####
+##########"""
+INSIDE = np.array([1.0, 1.2])
+
+
+def alcove():
+    """A room with an alcove of 0.4 m at its lower side, cells of 0.05 m."""
+    drawn = grid(ALCOVE, 0.2)
+    return Costmap(np.kron(drawn.costs, np.ones((4, 4), np.uint8)), 0.05, np.zeros(2), "map")
+
+
+def test_a_corner_too_narrow_for_the_robot_is_looked_into():
+    assert not look(alcove(), INSIDE, 0.0, 0.35).frontiers
+    view = look(alcove(), INSIDE, 0.0, 0.35, 0.1)
+    assert len(view.frontiers) == 1
+    assert np.isfinite(view.distance[view.frontiers[0].goal_cell])
+    assert view.frontiers[0].centre[1] == pytest.approx(0.6, abs=0.1)
+
+
+def test_smaller_corners_are_left():
+    assert not look(alcove(), INSIDE, 0.0, 0.35, 1.0).frontiers
+
+
+def test_corners_are_found_below_the_inflation():
+    costmap = alcove()
+    costmap.costs[costmap.costs == 255] = 253
+    assert not look(costmap, INSIDE, 0.0, 0.35, 0.1).frontiers
+    assert len(look(costmap, INSIDE, 0.0, 0.35, 0.1, alcove()).frontiers) == 1

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Loops over the cells of maps that are placed on each other."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Tuple
+
+from numba import njit
+
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, Uint8Array
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def paint(target: Uint8Array, resolution: float, origin: FloatArray, source: Uint8Array, source_resolution: float,
+          source_origin: FloatArray, pose: FloatArray) -> None:
+    """Draw a map into another one; of two known costs the greater one stays.
+
+    A cell takes what is under its centre. Lethal cells are also drawn one by one, so that no wall gets holes.
+
+    Parameters
+    ----------
+    target : (H, W) uint8
+        Changed.
+    resolution : float
+        [m]
+    origin : (2,) float64
+        Of its corner [m].
+    source : (h, w) uint8
+    source_resolution : float
+        [m]
+    source_origin : (2,) float64
+        [m]
+    pose : (3,) float64
+        Of the source's frame in that of the target [m, m, rad].
+    """
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    for row in range(target.shape[0]):
+        for column in range(target.shape[1]):
+            x = origin[0] + (column + 0.5) * resolution - pose[0]
+            y = origin[1] + (row + 0.5) * resolution - pose[1]
+            r = int(math.floor((cosine * y - sine * x - source_origin[1]) / source_resolution))
+            c = int(math.floor((cosine * x + sine * y - source_origin[0]) / source_resolution))
+            if 0 <= r < source.shape[0] and 0 <= c < source.shape[1]:
+                cost = source[r, c]
+                if cost != NO_INFORMATION and (target[row, column] == NO_INFORMATION or cost > target[row, column]):
+                    target[row, column] = cost
+    for r in range(source.shape[0]):
+        for c in range(source.shape[1]):
+            if source[r, c] == LETHAL:
+                x = source_origin[0] + (c + 0.5) * source_resolution
+                y = source_origin[1] + (r + 0.5) * source_resolution
+                row = int(math.floor((pose[1] + sine * x + cosine * y - origin[1]) / resolution))
+                column = int(math.floor((pose[0] + cosine * x - sine * y - origin[0]) / resolution))
+                if 0 <= row < target.shape[0] and 0 <= column < target.shape[1]:
+                    target[row, column] = LETHAL
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def agreement(points: FloatArray, field: Float32Array, resolution: float, origin: FloatArray,
+              pose: FloatArray) -> Tuple[float, int, int]:
+    """Compare the obstacles of one map with another one.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Obstacles of the one [m].
+    field : (H, W) float32
+        Of the other: 0 to 1 near its obstacles, -1 where it is free, 0 where it is unknown.
+    resolution : float
+        [m]
+    origin : (2,) float64
+        [m]
+    pose : (3,) float64
+        Of the points' frame in that of the field [m, m, rad].
+
+    Returns
+    -------
+    score : float
+        Sum of the field at the points.
+    agreeing, contradicting : int
+        Points near obstacles, and in free space.
+    """
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    score, agreeing, contradicting = 0.0, 0, 0
+    for number in range(len(points)):
+        x, y = points[number, 0], points[number, 1]
+        row = int(math.floor((pose[1] + sine * x + cosine * y - origin[1]) / resolution))
+        column = int(math.floor((pose[0] + cosine * x - sine * y - origin[0]) / resolution))
+        if 0 <= row < field.shape[0] and 0 <= column < field.shape[1]:
+            value = field[row, column]
+            score += value
+            agreeing += value > 0.1
+            contradicting += value < 0.0
+    return score, agreeing, contradicting

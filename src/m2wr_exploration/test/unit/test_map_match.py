@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps are placed on each other without a guess; where that cannot be relied on, it is refused.
+
+Buildings of seed 100 gave the limits; those here are of seed 7.
+"""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_exploration.frontier_kernels import visible
+from m2wr_exploration.frontiers import distances
+from m2wr_exploration.study.scenes import buildings
+from m2wr_exploration.team.map_match import match
+from m2wr_exploration.team.merging import merge
+from m2wr_navigation.costmap.cost_layout import INSCRIBED
+from m2wr_navigation.costmap.costmap import Costmap
+
+POSE = np.array([3.1, -4.2, 2.3])
+
+
+@pytest.fixture(scope="module")
+def places():
+    return list(buildings(6, 7))
+
+
+def partly_seen(place, looks, seed):
+    """What is in sight from some random places of a building."""
+    field = distances(place.truth, place.truth.cell(*place.start[:2]))
+    cells = np.argwhere(np.isfinite(field) & (place.truth.costs < INSCRIBED))
+    seen = np.zeros(place.truth.shape, np.uint8)
+    for row, column in cells[np.random.default_rng(seed).integers(0, len(cells), looks)]:
+        visible(place.truth.costs, row, column, 120.0, 720, seen, True)
+    costs = np.where(seen == 1, np.where(place.truth.costs == 254, 254, 0), 255).astype(np.uint8)
+    return Costmap(costs, place.truth.resolution, place.truth.origin, "map")
+
+
+def room(width, height, doors=()):
+    """A rectangular room, with gaps in its lower wall."""
+    costs = np.full((int(height / 0.05) + 20, int(width / 0.05) + 20), 255, np.uint8)
+    costs[10:-10, 10:-10] = 254
+    costs[11:-11, 11:-11] = 0
+    for begin, end in doors:
+        costs[10, 10 + int(begin / 0.05):10 + int(end / 0.05)] = 0
+    return Costmap(costs, 0.05, np.zeros(2), "map")
+
+
+def test_what_is_accepted_is_right_and_most_are_accepted(places):
+    accepted = 0
+    for number, place in enumerate(places):
+        first = merge([partly_seen(place, 6, number)], [POSE])
+        found = match(first, partly_seen(place, 6, 100 + number))
+        if found.confidence >= 1.0:
+            accepted += 1
+            assert found.pose[:2] == pytest.approx(POSE[:2], abs=0.1), place.name
+            assert abs(math.remainder(found.pose[2] - POSE[2], 2.0 * math.pi)) < 0.02, place.name
+            assert not found.reason
+    assert accepted >= 4
+
+
+def test_maps_of_different_buildings_are_refused(places):
+    for number in range(len(places)):
+        other = places[(number + 1) % len(places)]
+        found = match(partly_seen(places[number], 6, number), partly_seen(other, 6, number))
+        assert found.confidence < 1.0 and found.reason
+
+
+def test_a_symmetric_room_is_refused():
+    found = match(room(6.0, 4.0), room(6.0, 4.0))
+    assert found.confidence < 1.0 and "another place fits" in found.reason
+
+
+def test_a_room_with_a_door_off_the_middle_is_found():
+    one = room(6.0, 4.0, [(0.5, 3.0)])
+    found = match(merge([one], [POSE]), one)
+    assert found.pose[:2] == pytest.approx(POSE[:2], abs=0.1)
+
+
+def test_maps_without_walls_are_refused():
+    empty = Costmap(np.zeros((50, 50), np.uint8), 0.05, np.zeros(2), "map")
+    assert "of wall" in match(empty, empty).reason
