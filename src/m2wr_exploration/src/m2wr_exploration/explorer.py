@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_exploration.frontiers import Frontier, View, look
+from m2wr_exploration.frontiers import Frontier, View, distances, look
 from m2wr_exploration.set_aside import SetAside
+from m2wr_exploration.team.auction import assign
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import Parameter, flag
 
@@ -22,6 +23,8 @@ PARAMETERS: Dict[str, Parameter] = {
     "robot_radius": Parameter(0.0, "m", 0.0, 10.0, "radius of the disc in which the robot can turn; frontiers are "
                               "looked at from where it has room. 0: any place that the costmap allows"),
     "min_frontier_size": Parameter(0.5, "m", 0.0, 100.0, "size of the smallest frontier"),
+    "min_corner_size": Parameter(0.0, "m", 0.0, 100.0, "size of the smallest frontier in a place too narrow for the "
+                                 "robot, into which it looks; 0: none"),
     "progress_timeout": Parameter(30.0, "s", 1.0, 1e6, "time without coming nearer, until a frontier is set aside"),
     "retry_after": Parameter(20.0, "s", 0.0, 1e6, "time until a frontier that was set aside is tried again, at first"),
     "tries": Parameter(3, "", 1, 100, "tries of a frontier while the map around it does not change"),
@@ -30,11 +33,13 @@ PARAMETERS: Dict[str, Parameter] = {
     "time_limit": Parameter(0.0, "s", 0.0, 1e9, "time after which exploration ends; 0: none"),
     "return_to_start": flag(False, "whether the robot drives back to where it began"),
 }
+AUCTION_REACH = 10.0        # m: range of the laser, within which frontiers near to that of another robot are worth less
 EXPLORING, RETURNING, DONE = "exploring", "returning", "done"
 NEARER = 0.05               # m: by which the distance to the goal has to shrink to count as progress
 SAME_GOAL = 0.1             # m: a goal that has moved less is not sent again
 SAME_FRONTIER = 0.5         # m: frontiers whose centres are nearer are one
 GROWTH = 0.5                # m^2: by which the known area has to grow to count as progress
+CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
 SETTLE = 3.0                # s: so long no frontier has to be left, for maps are late
 
 
@@ -60,8 +65,26 @@ class Decision:
     state: str = EXPLORING
 
 
+@dataclass(frozen=True, eq=False)
+class Teammate:
+    """Another robot that explores.
+
+    Attributes
+    ----------
+    place : (2,) float64
+        In the frame of the map [m].
+    target : (2,) float64 or None
+        Centre of the frontier to which it drives [m]; None: it has none now.
+    """
+
+    place: FloatArray
+    target: Optional[FloatArray] = None
+
+
 class Explorer:
     """Chooses goals.
+
+    Alone, by the strategy. With others, by an auction among all robots that have no frontier now.
 
     Parameters
     ----------
@@ -83,9 +106,11 @@ class Explorer:
         self._best, self._progress = math.inf, 0.0
         self._empty_since: Optional[float] = None
         self._known, self._grew = -math.inf, 0.0
+        self._reachable = 0.0               # m^2: the greatest area that could be reached at a time
         self._told = ""
 
-    def step(self, now: float, costmap: Costmap, pose: FloatArray, result: str = "", text: str = "") -> Decision:
+    def step(self, now: float, costmap: Costmap, pose: FloatArray, result: str = "", text: str = "",
+             others: Sequence[Teammate] = (), known: Optional[Costmap] = None) -> Decision:
         """Decide.
 
         Parameters
@@ -100,6 +125,10 @@ class Explorer:
             Of the last goal, once: ``succeeded``, ``aborted`` or ``preempted``; empty: none yet.
         text : str
             Why it was aborted.
+        others : sequence of Teammate
+            The other robots.
+        known : Costmap, optional
+            The map without inflation, for ``min_corner_size``.
 
         Returns
         -------
@@ -112,10 +141,11 @@ class Explorer:
             return Decision(state=DONE)
         if self.state == RETURNING:
             return self._return(now, pose, result, text)
-        self.view = self._look(costmap, pose)
+        self.view = self._look(costmap, pose, known)
         if self.view.reason:
             return Decision(messages=self._once(self.view.reason))
-        for entry in self.aside.forget_changed(costmap):
+        self._reachable = max(self._reachable, self._reachable_now())
+        for entry in self.aside.forget_changed(costmap, self.view.frontiers):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
         messages += self._judge_last(now, costmap, pose, result, text)
         if self._stalls(now, costmap):
@@ -123,17 +153,17 @@ class Explorer:
                 self._known, self.values["stall_timeout"]), messages)
         if self.values["time_limit"] and now - (self._began or 0.0) > self.values["time_limit"]:
             return self._finish("time_limit of {:g} s is over".format(self.values["time_limit"]), messages)
-        return self._choose(now, pose, messages)
+        return self._choose(now, pose, messages, costmap, others)
 
-    def _look(self, costmap: Costmap, pose: FloatArray) -> View:
+    def _look(self, costmap: Costmap, pose: FloatArray, known: Optional[Costmap]) -> View:
         """Return the frontiers around the robot; if there are none, those around its start, from where it has come.
 
         A robot in a place in which it cannot turn is cut off from the rest on the map.
         """
-        least, radius = self.values["min_frontier_size"], self.values["robot_radius"]
-        view = look(costmap, pose[:2], least, radius)
+        how = self.values["min_frontier_size"], self.values["robot_radius"], self.values["min_corner_size"], known
+        view = look(costmap, pose[:2], *how)
         if not view.frontiers and self._start is not None:
-            around_start = look(costmap, self._start[:2], least, radius)
+            around_start = look(costmap, self._start[:2], *how)
             if around_start.frontiers:
                 return around_start
         return view
@@ -165,6 +195,8 @@ class Explorer:
             reason = "could not be reached: " + (text or "the goal was aborted")
         elif result == "succeeded" and self._still_there(target) is not None:
             reason = "was looked at, and shows nothing new"
+        elif not result and self._has_closed(costmap, target):
+            reason = "the way to it has closed"
         elif not result and now - self._progress > self.values["progress_timeout"]:
             reason = "the robot came no nearer within {:g} s".format(self.values["progress_timeout"])
         if result or reason:
@@ -173,6 +205,16 @@ class Explorer:
             return []
         entry = self.aside.add(now, costmap, self._still_there(target) or target, reason)
         return ["the frontier at {} is set aside: {}".format(entry.place, reason)]
+
+    def _has_closed(self, costmap: Costmap, target: Frontier) -> bool:
+        """Return whether the target is still unknown, but no way leads to it any more, as behind a door that closes."""
+        assert self.view is not None and self._goal is not None
+        if self._still_there(target) is not None:
+            return False
+        cell, cells = costmap.cell(self._goal[0], self._goal[1]), costmap.cells(target.points)
+        cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
+        unknown = np.count_nonzero(costmap.costs[cells[:, 0], cells[:, 1]] == NO_INFORMATION)
+        return 2 * unknown > len(target.points) and (cell is None or not np.isfinite(self.view.distance[cell]))
 
     def _still_there(self, target: Frontier) -> Optional[Frontier]:
         assert self.view is not None
@@ -183,7 +225,8 @@ class Explorer:
 
     # ---- the next goal -----------------------------------------------------------------------------------------
 
-    def _choose(self, now: float, pose: FloatArray, messages: List[str]) -> Decision:
+    def _choose(self, now: float, pose: FloatArray, messages: List[str], costmap: Costmap,
+                others: Sequence[Teammate]) -> Decision:
         view, start = self.view, self._start
         assert view is not None and start is not None
         inside = [frontier for frontier in view.frontiers
@@ -193,11 +236,16 @@ class Explorer:
                 self.values["max_distance"]))
         allowed = [frontier for frontier in inside if self.aside.allows(now, frontier)]
         if not allowed:
-            return self._nothing_left(now, inside, messages)
+            return self._nothing_left(now, inside, messages, costmap)
         self._empty_since = None
         # committed to a frontier until it is gone: otherwise a robot between two equal ones turns to and fro
         kept = None if self.target is None else self._still_there(self.target)
-        chosen = kept if kept is not None and kept in allowed else self.strategy.order(view, allowed)[0]
+        chosen = kept if kept is not None and kept in allowed else (
+            self._auctioned(view, allowed, others) if others else self.strategy.order(view, allowed)[0])
+        if chosen is None:
+            cancel, self.target, self._goal = self._goal is not None, None, None
+            return Decision(cancel=cancel, messages=tuple(messages) + self._once(
+                "the other robots drive to all frontiers; this one waits"))
         same = self.target is not None and self._goal is not None \
             and float(np.hypot(*(chosen.goal - self._goal[:2]))) < SAME_GOAL
         if same:
@@ -209,21 +257,46 @@ class Explorer:
         self.target, self._goal = chosen, np.array([chosen.goal[0], chosen.goal[1], heading])
         return Decision(self._goal.copy(), messages=tuple(messages))
 
-    def _nothing_left(self, now: float, inside: List[Frontier], messages: List[str]) -> Decision:
-        """Wait for frontiers that may be tried later; end if there are none."""
+    @staticmethod
+    def _auctioned(view: View, frontiers: List[Frontier], others: Sequence[Teammate]) -> Optional[Frontier]:
+        """Return the frontier that an auction gives to this robot; None: the others take all."""
+        costs = [[frontier.path for frontier in frontiers]]
+        for other in others:
+            cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
+            if other.target is None and cell is not None:
+                field = distances(view.costmap, cell)
+                costs.append([float(field[frontier.goal_cell]) for frontier in frontiers])
+        claims = [other.target for other in others if other.target is not None]
+        found = assign(np.array(costs), np.array([frontier.centre for frontier in frontiers]),
+                       np.array(claims).reshape(-1, 2), AUCTION_REACH)
+        return None if found[0] < 0 else frontiers[found[0]]
+
+    def _nothing_left(self, now: float, inside: List[Frontier], messages: List[str], costmap: Costmap) -> Decision:
+        """Wait for frontiers that may be tried later, and for ways that may open; end if there are none."""
         cancel = self._goal is not None
         self.target, self._goal = None, None
-        if any(self.aside.may_later(frontier) for frontier in inside):
+        if any(self.aside.may_later(frontier) for frontier in inside) or self.aside.waits(now, costmap):
             self._empty_since = None
             messages += self._once("all frontiers that are left were set aside; they will be tried again")
             return Decision(cancel=cancel, messages=tuple(messages))
         self._empty_since = now if self._empty_since is None else self._empty_since
+        shut = self._reachable - self._reachable_now()
+        if shut > CLOSED and now - self._empty_since < self.values["retry_after"]:
+            messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the way "
+                                   "to open, {:g} s".format(shut, self.values["retry_after"]))
+            return Decision(cancel=cancel, messages=tuple(messages))
         if now - self._empty_since < SETTLE:
             return Decision(cancel=cancel, messages=tuple(messages))
-        left = ["({:.2f}, {:.2f}): {}".format(frontier.centre[0], frontier.centre[1], self.aside.reason(frontier))
-                for frontier in inside]
+        left = ["{}: {}".format(entry.place, entry.reason) for entry in self.aside.unseen(costmap)]
         return self._finish("no reachable frontier is left" + (
-            "; given up: " + "; ".join(left) if left else ""), messages, cancel)
+            "; given up: " + "; ".join(left) if left else "") + (
+            "; {:.0f} m^2 that could be reached once are behind a way that has closed".format(shut)
+            if shut > CLOSED else ""), messages, cancel)
+
+    def _reachable_now(self) -> float:
+        """Return the area of the places where the robot can be [m^2]."""
+        assert self.view is not None
+        return float(np.count_nonzero(np.isfinite(self.view.distance))) * self.view.costmap.resolution ** 2
 
     def _finish(self, reason: str, messages: List[str], cancel: bool = True) -> Decision:
         self.summary, self.target = reason, None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, List
+from typing import TYPE_CHECKING, List, Optional, Sequence
 
 import numpy as np
 
 from m2wr_exploration.frontier_kernels import count_unknown
+from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 
 if TYPE_CHECKING:
     from m2wr_exploration.frontiers import Frontier
@@ -100,15 +101,19 @@ class SetAside:
         self.entries.append(made)
         return made
 
-    def forget_changed(self, costmap: Costmap) -> List[Entry]:
+    def forget_changed(self, costmap: Costmap, frontiers: Optional[Sequence[Frontier]] = None) -> List[Entry]:
         """Forget the frontiers around which the map has changed; return them.
 
         Parameters
         ----------
         costmap : Costmap
+        frontiers : sequence of Frontier, optional
+            Those that can be reached: others that are still unknown stay. None: all can be reached.
         """
-        changed = [entry for entry in self.entries if abs(_unknown(costmap, entry.points) - entry.unknown)
-                   > CHANGED * max(entry.unknown, costmap.resolution ** 2)]
+        near = [entry for frontier in frontiers or () for entry in self._near(frontier)]
+        shut = [] if frontiers is None else [entry for entry in self.unseen(costmap) if entry not in near]
+        changed = [entry for entry in self.entries if entry not in shut and abs(
+            _unknown(costmap, entry.points) - entry.unknown) > CHANGED * max(entry.unknown, costmap.resolution ** 2)]
         self.entries = [entry for entry in self.entries if entry not in changed]
         return changed
 
@@ -122,6 +127,33 @@ class SetAside:
         frontier : Frontier
         """
         return all(now >= entry.until and entry.tries < self.tries for entry in self._near(frontier))
+
+    def unseen(self, costmap: Costmap) -> List[Entry]:
+        """Return the entries of which most cells are still unknown, whether a way leads there or not.
+
+        Parameters
+        ----------
+        costmap : Costmap
+        """
+        found = []
+        for entry in self.entries:
+            cells = costmap.cells(entry.points)
+            cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
+            known = np.count_nonzero(costmap.costs[cells[:, 0], cells[:, 1]] != NO_INFORMATION)
+            if 2 * known < len(entry.points):
+                found.append(entry)
+        return found
+
+    def waits(self, now: float, costmap: Costmap) -> bool:
+        """Return whether the time of another try is still to come, as for a door that was closed.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        costmap : Costmap
+        """
+        return any(now < entry.until and entry.tries < self.tries for entry in self.unseen(costmap))
 
     def may_later(self, frontier: Frontier) -> bool:
         """Return whether a frontier may be tried at some time, even if the map does not change."""

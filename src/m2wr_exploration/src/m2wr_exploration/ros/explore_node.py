@@ -35,6 +35,7 @@ NODE: Dict[str, Parameter] = {
     "robot_base_frame": text("base_link", "frame of the robot"),
     "costmap_topic": text("costmap", "topic of the costmap or map"),
     "costmap_updates_topic": text("costmap_updates", "topic of its changes"),
+    "map_topic": text("map", "topic of the map without inflation; used with min_corner_size"),
     "visualize": flag(False, "whether ~frontiers is published"),
     "planner_frequency": Parameter(1.0, "Hz", 0.01, 100.0, "rate at which the next goal is chosen"),
     "transform_tolerance": Parameter(0.3, "s", 0.0, 60.0, "greatest age of the pose of the robot"),
@@ -108,6 +109,8 @@ class ExploreNode:
         self._values, self._explorer = self._configure()
         self._transforms = Transforms()
         self._map = MapInput(self._values["costmap_topic"], self._values["costmap_updates_topic"])
+        topic = self._values["map_topic"]
+        self._known = MapInput(topic, topic + "_updates") if self._explorer.values["min_corner_size"] else None
         self._client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
         self._frontiers = rospy.Publisher("~frontiers", MarkerArray, queue_size=1)
         self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
@@ -184,7 +187,12 @@ class ExploreNode:
             if not self._running:
                 return self._show("stopped")
             (result, why), self._result = self._result, ("", "")
-        self._act(self._explorer.step(rospy.get_time(), costmap, pose, result, why), costmap)
+        known = None if self._known is None else self._known.snapshot()
+        if known is not None and known.frame != costmap.frame:
+            rospy.logwarn_throttle(TELL, "the map on %s is in %s, the costmap in %s; corners are not looked into" % (
+                rospy.resolve_name(self._values["map_topic"]), known.frame, costmap.frame))
+            known = None
+        self._act(self._explorer.step(rospy.get_time(), costmap, pose, result, why, known=known), costmap)
         if self._values["visualize"] or self._frontiers.get_num_connections():
             self._show_frontiers()
         return None

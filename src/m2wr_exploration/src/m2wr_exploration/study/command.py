@@ -18,7 +18,7 @@ from m2wr_exploration.explorer import PARAMETERS
 from m2wr_exploration.study.offline import offline_length
 from m2wr_exploration.study.run import explore
 from m2wr_exploration.study.scenes import buildings, named
-from m2wr_exploration.study.settings import navigation_parameters
+from m2wr_exploration.study.settings import EXPLORER, navigation_parameters
 from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_navigation.parameters import read
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from m2wr_exploration.study.scenes import Place
 
 RANGE = 9.9                 # m: of m2wr's laser
-EXPLORER = {"robot_radius": 0.43, "min_frontier_size": 0.25}  # m: as in explore.launch
 ENOUGH = 0.99               # of the reachable area
 TIME_LIMIT = 1800.0         # s of wall time for a run
 NAMED = ("world01", "world02", "world03", "unreachable", "house")
@@ -118,6 +117,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--strategies", default=",".join(registry.STRATEGIES), help="with commas (%(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of buildings and noise (default %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default %(default)s)")
+    parser.add_argument("--robots", default="", help="numbers of robots, with commas, such as 1,2,4,8: teams are "
+                        "compared, in larger buildings, instead of strategies")
     parser.add_argument("--json", default="", metavar="FILE", help="also write all figures, curves and paths")
     parser.add_argument("--figure", default="", metavar="FILE", help="draw the explored area over the path: PNG or SVG")
     return parser
@@ -130,6 +131,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     if not (0 <= options.buildings <= 1000 and 1 <= options.workers <= 256):
         parser.error("expected --buildings from 0 to 1000 and --workers from 1 to 256")
     strategies = options.strategies.split(",")
+    if options.robots:
+        from m2wr_exploration.study.team_command import compare_teams
+        return compare_teams(options, parser)
     try:
         for name in strategies:
             registry.find(name)

@@ -55,3 +55,37 @@ def draw(rows: Sequence[Mapping[str, Any]], strategies: List[str], path: str) ->
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
+
+
+def draw_teams(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], path: str) -> None:
+    """Draw the share of the reachable area over time, for each number of robots; write a file.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of :func:`m2wr_exploration.study.team_command.perform`.
+    numbers : sequence of int
+        Of robots, in the order of the legend.
+    path : str
+        PNG or SVG.
+    """
+    figure, axes = pyplot.subplots(figsize=(7.0, 4.2))
+    last = max((row["time"] for row in rows if row["curve"]), default=1.0)
+    grid = np.linspace(0.0, last, 201)
+    for number, robots in enumerate(numbers):
+        curves = [np.interp(grid, *np.array(row["curve"]).T) for row in rows
+                  if row["robots"] == robots and row["curve"]]
+        if curves:
+            low, middle, high = np.percentile(curves, (25, 50, 75), axis=0)
+            colour = COLOURS[number % len(COLOURS)]
+            axes.plot(grid, 100.0 * middle, color=colour, label="%d" % robots)
+            axes.fill_between(grid, 100.0 * low, 100.0 * high, color=colour, alpha=0.15, linewidth=0.0)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("reachable area seen [%]")
+    axes.set_ylim(0.0, 101.0)
+    axes.set_xlim(0.0, last)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", title="robots: median, middle half")
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)

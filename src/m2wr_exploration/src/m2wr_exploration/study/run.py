@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, List, Mapping, Tuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_exploration.explorer import DONE, Explorer
+from m2wr_exploration.frontiers import costs_of_occupancy
 from m2wr_exploration.study.truth import explored_share
+from m2wr_exploration.team.teammates import without
+from m2wr_gmapping.se2 import compose
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.best_path.survey import Survey
+from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_sim.api import Sim
 from motion_plan.body import LASER_X
 
 if TYPE_CHECKING:
+    from m2wr_exploration.explorer import Teammate
     from m2wr_exploration.strategies.strategy import Strategy
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import FloatArray
-    from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_gmapping.array_types import FloatArray, Int8Array
     from m2wr_sim.api import StepResult
+    from m2wr_sim.api.records import Odometry, Scan
 
 PERIOD = 0.1                # s: of scans and commands
 DECIDES = 1.0               # s: between two looks at the map
@@ -69,10 +74,44 @@ class Exploration:
     known: Costmap
 
 
-class _Drive:
-    """The state of a run."""
+@dataclass(frozen=True)
+class Sight:
+    """What one robot measures after a step.
 
-    def __init__(self, place: Place, explorer: Explorer, given: Mapping[str, Any]) -> None:
+    Attributes
+    ----------
+    time : float
+        [s]
+    pose : (3,) float64
+        [m, m, rad]
+    scan : Scan
+    odometry : Odometry
+    """
+
+    time: float
+    pose: FloatArray
+    scan: Scan
+    odometry: Odometry
+
+
+def sight(result: StepResult, name: str) -> Sight:
+    """Return what a robot measures.
+
+    Parameters
+    ----------
+    result : StepResult
+    name : str
+    """
+    seen = result[name]
+    assert seen.scan is not None and seen.odometry is not None
+    return Sight(result.time, np.array(seen.pose), seen.scan, seen.odometry)
+
+
+class Drive:
+    """The state of one robot in a run."""
+
+    def __init__(self, place: Place, explorer: Explorer, given: Mapping[str, Any],
+                 start: Optional[Tuple[float, float, float]] = None) -> None:
         self.place, self.explorer = place, explorer
         truth = place.truth
         side = max(truth.shape) * truth.resolution + 2.0 * MARGIN
@@ -84,30 +123,36 @@ class _Drive:
         self.curve: List[Tuple[float, float]] = []
         self.path: List[Tuple[float, float]] = []
         self.length, self.goals = 0.0, 0
-        self._last: Tuple[float, float] = place.start[:2]
+        self._last: Tuple[float, float] = (start or place.start)[:2]
         self._decided = -math.inf
 
-    def look(self, result: StepResult) -> None:
-        """Take a scan."""
-        assert result.scan is not None
-        pose = np.array(result.pose)
+    def look(self, result: Sight, teammates: Optional[FloatArray] = None) -> None:
+        """Take a scan; the beams that end on other robots, (N, 2) [m], are not entered into maps."""
+        pose, clean = result.pose, result.scan
+        if teammates is not None and len(teammates):
+            laser = compose(pose, np.array([LASER_X, 0.0, 0.0]))
+            clean = replace(clean, ranges=without(clean.ranges, clean.angles, laser, teammates))
         self.length += math.hypot(pose[0] - self._last[0], pose[1] - self._last[1])
         self._last = float(pose[0]), float(pose[1])
-        self.survey.add(result.time, pose, result.scan)
-        self.navigator.look(result.time, result.scan, pose)
+        self.survey.add(result.time, pose, clean)
+        self.navigator.look(result.time, result.scan, pose, clean)
 
-    def decide(self, result: StepResult) -> bool:
-        """Choose a goal where one is due; return whether exploration has ended."""
-        if not self.result and result.time - self._decided < DECIDES:
-            return False
+    def is_due(self, now: float) -> bool:
+        """Return whether a goal is to be chosen."""
+        return bool(self.result) or now - self._decided >= DECIDES
+
+    def decide(self, result: Sight, occupancy: Int8Array, others: Sequence[Teammate] = ()) -> bool:
+        """Choose a goal on a map like that of the survey; return whether exploration has ended."""
         self._decided = result.time
         static = self.navigator.maps["global"].static_layer()
         assert static is not None
-        static.set_map(self.survey.occupancy(), self.survey.costs.resolution,
+        static.set_map(occupancy, self.survey.costs.resolution,
                        np.append(self.survey.costs.origin, 0.0), "map")
-        self.navigator.maps["global"].update(np.array(result.pose), result.time)
-        decision = self.explorer.step(result.time, self.navigator.maps["global"].snapshot(), np.array(result.pose),
-                                      self.result, self.text)
+        self.navigator.maps["global"].update(result.pose, result.time)
+        decision = self.explorer.step(result.time, self.navigator.maps["global"].snapshot(), result.pose,
+                                      self.result, self.text, others, Costmap(
+                                          costs_of_occupancy(occupancy), self.survey.costs.resolution,
+                                          self.survey.costs.origin, "map"))
         self.result, self.text = "", ""
         self.messages += ["{:.0f} s: {}".format(result.time, message) for message in decision.messages]
         if decision.goal is not None:
@@ -115,15 +160,13 @@ class _Drive:
             self.driving, self.goals = True, self.goals + 1
         elif decision.cancel:
             self.driving = False
-        self.curve.append((self.length, explored_share(self.place.truth, self.place.wanted, self.survey.costs)[0]))
         self.path.append(self._last)
         return decision.state == DONE
 
-    def command(self, result: StepResult) -> Tuple[float, float]:
+    def command(self, result: Sight) -> Tuple[float, float]:
         """Return the next command."""
         if not self.driving:
             return 0.0, 0.0
-        assert result.odometry is not None
         measured = result.odometry
         outcome = self.navigator.cycle(result.time, np.array([measured.linear_x, measured.linear_y,
                                                               measured.angular_z]))
@@ -137,8 +180,8 @@ class _Drive:
 
 
 def explore(place: Place, strategy: Strategy, values: Mapping[str, Any], given: Mapping[str, Any],
-            seed: int) -> Exploration:
-    """Explore a world until nothing reachable is left, or LIMIT.
+            seed: int, change: Optional[Callable[[float, Sim], None]] = None, limit: float = LIMIT) -> Exploration:
+    """Explore a world until nothing reachable is left, or a limit of time.
 
     Parameters
     ----------
@@ -150,20 +193,29 @@ def explore(place: Place, strategy: Strategy, values: Mapping[str, Any], given: 
         Parameters of move_base.
     seed : int
         Of the noise of the laser.
+    change : callable, optional
+        Called before each period with the time [s] and the simulation, in which it may move things.
+    limit : float
+        Simulated [s].
 
     Returns
     -------
     Exploration
     """
-    drive = _Drive(place, Explorer(values, strategy), given)
+    drive = Drive(place, Explorer(values, strategy), given)
     contacts, ended = 0, False
     with Sim(place.world, "m2wr", place.start, seed=seed, sensing="now") as sim:
         result = sim.step((0.0, 0.0), PERIOD)
         begun = result.time
-        while not ended and result.time - begun < LIMIT:
-            drive.look(result)
-            ended = drive.decide(result)
-            result = sim.step(drive.command(result), PERIOD)
+        while not ended and result.time - begun < limit:
+            if change is not None:
+                change(result.time, sim)
+            seen = sight(result, "m2wr")
+            drive.look(seen)
+            if drive.is_due(seen.time):
+                ended = drive.decide(seen, drive.survey.occupancy())
+                drive.curve.append((drive.length, explored_share(place.truth, place.wanted, drive.survey.costs)[0]))
+            result = sim.step(drive.command(seen), PERIOD)
             contacts += len(result.contacts)
     share, area = explored_share(place.truth, place.wanted, drive.survey.costs)
     return Exploration(share, area, drive.length, result.time - begun, contacts,

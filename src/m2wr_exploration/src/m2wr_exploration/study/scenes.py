@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Dict, Iterator, Tuple
+from typing import TYPE_CHECKING, Dict, Iterator, Sequence, Tuple
 
 import numpy as np
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: Generators of buildings, with values that differ from their defaults.
 BUILDINGS: Tuple[Tuple[str, Dict[str, float]], ...] = (("office", {}), ("rooms", {}), ("maze", {"cells": 4}))
+#: Larger ones, for several robots.
+LARGE: Tuple[Tuple[str, Dict[str, float]], ...] = (("office", {"rooms": 6}), ("maze", {"cells": 8}))
 ROOM = TURNING_RADIUS + 0.05  # m: the disc in which the robot turns, and a cell: obstacles on a grid are larger
 STARTS = {"world01": (0.0, 8.0, 0.0), "world02": (0.0, 8.0, 0.0), "world03": (0.0, 8.0, 0.0),
           "unreachable": (0.0, 8.0, 0.0), "house": (0.0, 0.0, 0.0)}
@@ -91,16 +93,18 @@ def named(name: str, seed: int) -> Place:
     return place(name, read_world(text), start)
 
 
-def buildings(count: int, seed: int) -> Iterator[Place]:
+def buildings(count: int, seed: int, kinds: Sequence[Tuple[str, Dict[str, float]]] = BUILDINGS) -> Iterator[Place]:
     """Yield generated buildings, by turns of each kind.
 
     Parameters
     ----------
     count : int
     seed : int
+    kinds : sequence of (str, dict)
+        Names of generators, and their values.
     """
     for number in range(count):
-        kind, values = BUILDINGS[number % len(BUILDINGS)]
+        kind, values = kinds[number % len(kinds)]
         all_values = {name: parameter.default for name, parameter in GENERATORS[kind].parameters.items()}
         text, ends = generate(kind, dict(all_values, **values), seed, number, ROOM)
         yield place("{} {}".format(kind, number), read_world(text), ends[0])

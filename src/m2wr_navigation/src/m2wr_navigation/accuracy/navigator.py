@@ -128,7 +128,7 @@ class Navigator(Costmaps):
         self._goal, self._number = np.asarray(goal, float), self.supervisor.begin(now)
         self._plan, self._planned = self._pose[None], -math.inf
 
-    def look(self, now: float, scan: Scan, pose: FloatArray) -> None:
+    def look(self, now: float, scan: Scan, pose: FloatArray, clean: Optional[Scan] = None) -> None:
         """Enter a scan into the costmaps.
 
         Parameters
@@ -138,15 +138,18 @@ class Navigator(Costmaps):
         scan : Scan
         pose : (3,) float64
             Of the base on the map; odometry counts as without drift between two scans [m, m, rad].
+        clean : Scan, optional
+            The scan for the global costmap, if it is another one: without the beams that end on other robots.
         """
         self._pose = np.asarray(pose, float)
         place = compose(self._pose, self._laser)
         translation = (place[0], place[1], HEIGHT)
         quaternion = (0.0, 0.0, math.sin(0.5 * place[2]), math.cos(0.5 * place[2]))
         for which, costmap in self.maps.items():
+            taken = clean if clean is not None and which == "global" else scan
             for layer in costmap.obstacle_layers():
                 for source in layer.sources.values():
-                    points, free = scan_points(scan.ranges.tolist(), scan.angle_min, scan.angle_increment,
+                    points, free = scan_points(taken.ranges.tolist(), scan.angle_min, scan.angle_increment,
                                                (scan.range_min, scan.range_max), source.values)
                     source.add(Observation(now, np.array(translation), transformed(points, translation, quaternion),
                                            transformed(free, translation, quaternion)), now)

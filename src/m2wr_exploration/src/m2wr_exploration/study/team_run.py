@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One exploration by several robots in the simulator; start poses known, one map merged of all."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, List, Mapping, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_exploration.explorer import Explorer, Teammate
+from m2wr_exploration.frontiers import distances
+from m2wr_exploration.study.run import LIMIT, PERIOD, Drive, sight
+from m2wr_exploration.study.truth import explored_share
+from m2wr_exploration.team.merging import merge
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_sim.api import Sim
+
+if TYPE_CHECKING:
+    from m2wr_exploration.strategies.strategy import Strategy
+    from m2wr_exploration.study.run import Sight
+    from m2wr_exploration.study.scenes import Place
+    from m2wr_gmapping.array_types import FloatArray, Int8Array
+
+APART = 1.1             # m: between two robots at the start, as in robots.launch
+WIDE = 100              # cost above which no robot starts
+BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
+MERGED_EVERY = 1.0      # s
+GIVE_WAY = 1.3          # m: of two robots that drive and are nearer, that with the greater number stops
+PATIENCE = 10.0         # s: so long at most; then it continues, and the other one may be what blocks it
+
+
+@dataclass(frozen=True)
+class TeamExploration:
+    """What came of one exploration by several robots.
+
+    Attributes
+    ----------
+    share, area : float
+        Of the reachable area that was seen; that area [m^2].
+    time : float
+        Until the last robot has ended [s].
+    enough : float
+        Time at which a share was seen that was asked for [s]; inf: never.
+    lengths : list of float
+        Path of each robot [m].
+    contacts : int
+    curve : (N, 2) float64
+        Time [s] and share.
+    messages : list of str
+    """
+
+    share: float
+    area: float
+    time: float
+    enough: float
+    lengths: List[float]
+    contacts: int
+    curve: FloatArray
+    messages: List[str]
+
+
+def starts(place: Place, count: int) -> List[Tuple[float, float, float]]:
+    """Return the start poses of robots: that of the place, and the nearest ones that are far enough from each other.
+
+    Parameters
+    ----------
+    place : Place
+    count : int
+
+    Raises
+    ------
+    ValueError
+        If the robots find no room.
+    """
+    truth = place.truth
+    cell = truth.cell(*place.start[:2])
+    assert cell is not None
+    field = distances(truth, cell)
+    rows, columns = np.nonzero(np.isfinite(field) & (truth.costs <= WIDE))
+    order = np.argsort(field[rows, columns], kind="stable")
+    points = (np.stack([columns, rows], -1)[order] + 0.5) * truth.resolution + truth.origin
+    found = [np.array(place.start[:2])]
+    for point in points:
+        if len(found) == count:
+            break
+        if np.hypot(*(np.array(found) - point).T).min() >= APART:
+            found.append(point)
+    if len(found) < count:
+        raise ValueError("{}: {} of {} robots found a place to start".format(place.name, len(found), count))
+    return [(float(x), float(y), place.start[2]) for x, y in found]
+
+
+class _Team:
+    """The robots of a run."""
+
+    def __init__(self, place: Place, drives: Sequence[Drive]) -> None:
+        self.place, self.drives = place, drives
+        self.ended = [False] * len(drives)
+        self.curve: List[Tuple[float, float]] = []
+        self._merged = -math.inf
+        self._waits = [-math.inf] * len(drives)
+        self._known = merge([drive.survey.snapshot() for drive in drives], [np.zeros(3)] * len(drives))
+
+    def step(self, seen: Sequence[Sight]) -> None:
+        """Let every robot look, and choose a goal where one is due."""
+        places = np.array([each.pose[:2] for each in seen])
+        for number, drive in enumerate(self.drives):
+            drive.look(seen[number], np.delete(places, number, axis=0))
+        if seen[0].time - self._merged >= MERGED_EVERY:
+            self._merged = seen[0].time
+            self._known = merge([drive.survey.snapshot() for drive in self.drives], [np.zeros(3)] * len(self.drives))
+            self.curve.append((seen[0].time, explored_share(self.place.truth, self.place.wanted, self._known)[0]))
+        for number, drive in enumerate(self.drives):
+            if not self.ended[number] and drive.is_due(seen[number].time):
+                others = [Teammate(places[other], self._target(other)) for other in range(len(seen)) if other != number]
+                self.ended[number] = drive.decide(seen[number], self._occupancy(number, places), others)
+
+    def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
+        """Return the commands of all robots; of two that are near to each other one gives way."""
+        given = [drive.command(each) for drive, each in zip(self.drives, seen)]
+        for number in range(1, len(seen)):
+            near = any(self.drives[other].driving and GIVE_WAY > np.hypot(
+                *(seen[other].pose[:2] - seen[number].pose[:2])) for other in range(number))
+            now = seen[number].time
+            if not near:
+                self._waits[number] = math.inf
+            elif not math.isfinite(self._waits[number]):
+                self._waits[number] = now
+            if near and now - self._waits[number] < PATIENCE:
+                given[number] = (0.0, 0.0)
+        return given
+
+    def _target(self, number: int) -> Any:
+        target = self.drives[number].explorer.target
+        if self.ended[number]:
+            return self.drives[number].path[-1]          # it drives nowhere any more
+        return None if target is None else target.centre
+
+    def _occupancy(self, number: int, places: FloatArray) -> Int8Array:
+        """Return the merged map for a robot: the others that wait are obstacles, those that drive are not."""
+        known = self._known
+        occupancy = np.zeros(known.shape, np.int8)
+        occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
+        reach = int(math.ceil(BODY / known.resolution))
+        for other, drive in enumerate(self.drives):
+            cell = known.cell(*places[other])
+            if other != number and not drive.driving and cell is not None:
+                rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
+                occupancy[rows, columns] = 100
+        return occupancy
+
+    @property
+    def known(self) -> Any:
+        """The merged map."""
+        return merge([drive.survey.snapshot() for drive in self.drives], [np.zeros(3)] * len(self.drives))
+
+
+def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], strategies: Sequence[Strategy],
+                     values: Mapping[str, Any], given: Mapping[str, Any], seed: int, enough: float = 0.99,
+                     names: Sequence[str] = (), limit: float = LIMIT) -> TeamExploration:
+    """Explore a world with several robots, until none of them has anything left.
+
+    Parameters
+    ----------
+    place : Place
+    poses : sequence of (3,) float
+        Where the robots start [m, m, rad].
+    strategies : sequence of Strategy
+        One for each; used by a robot that is alone.
+    values, given : mapping of str to object
+        Parameters of the explorers, and of move_base.
+    seed : int
+        Of the noise of the lasers.
+    enough : float
+        Share at which the time is taken.
+    names : sequence of str
+        Of the robots; default robot1, robot2, ...
+    limit : float
+        Simulated [s].
+
+    Raises
+    ------
+    ValueError
+        If there is no robot, or two have one name.
+    """
+    names = list(names) or ["robot%d" % (number + 1) for number in range(len(poses))]
+    if not poses or len(strategies) != len(poses) or len(names) != len(poses):
+        raise ValueError("{} start poses, {} strategies and {} names; expected at least one robot, and one of each for "
+                         "every robot".format(len(poses), len(strategies), len(names)))
+    double = sorted({name for name in names if names.count(name) > 1})
+    if double:
+        raise ValueError("two robots have the name {}; expected a name for each".format(", ".join(double)))
+    team = _Team(place, [Drive(place, Explorer(values, strategy), given, pose)
+                         for strategy, pose in zip(strategies, poses)])
+    contacts = 0
+    with Sim(place.world, seed=seed, sensing="now") as sim:
+        for name, pose in zip(names, poses):
+            sim.spawn("m2wr", pose, name)
+        result = sim.step(None, PERIOD)
+        begun = result.time
+        while not all(team.ended) and result.time - begun < limit:
+            seen = [sight(result, name) for name in names]
+            team.step(seen)
+            result = sim.step(dict(zip(names, team.commands(seen))), PERIOD)
+            contacts += len({(contact.first, contact.second, contact.time) for name in names
+                             for contact in result[name].contacts})
+    share, area = explored_share(place.truth, place.wanted, team.known)
+    curve = np.array(team.curve) - np.array([begun, 0.0])
+    reached = curve[curve[:, 1] >= enough, 0]
+    return TeamExploration(share, area, result.time - begun, float(reached[0]) if len(reached) else math.inf,
+                           [drive.length for drive in team.drives], contacts, curve,
+                           ["{}: {}".format(name, text) for name, drive in zip(names, team.drives)
+                            for text in drive.messages])
