@@ -282,8 +282,8 @@ class Explorer:
         self._empty_since = now if self._empty_since is None else self._empty_since
         shut = self._reachable - self._reachable_now()
         if shut > CLOSED and now - self._empty_since < self.values["retry_after"]:
-            messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the way "
-                                   "to open, {:g} s".format(shut, self.values["retry_after"]))
+            messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the "
+                                   "way to open, {:g} s".format(shut, self.values["retry_after"]))
             return Decision(cancel=cancel, messages=tuple(messages))
         if now - self._empty_since < SETTLE:
             return Decision(cancel=cancel, messages=tuple(messages))

@@ -109,6 +109,10 @@ class SetAside:
         costmap : Costmap
         frontiers : sequence of Frontier, optional
             Those that can be reached: others that are still unknown stay. None: all can be reached.
+
+        Returns
+        -------
+        list of Entry
         """
         near = [entry for frontier in frontiers or () for entry in self._near(frontier)]
         shut = [] if frontiers is None else [entry for entry in self.unseen(costmap) if entry not in near]

@@ -127,7 +127,14 @@ class Drive:
         self._decided = -math.inf
 
     def look(self, result: Sight, teammates: Optional[FloatArray] = None) -> None:
-        """Take a scan; the beams that end on other robots, (N, 2) [m], are not entered into maps."""
+        """Take a scan.
+
+        Parameters
+        ----------
+        result : Sight
+        teammates : (N, 2) float64, optional
+            Places of the other robots [m]; beams that end on them are not entered into maps.
+        """
         pose, clean = result.pose, result.scan
         if teammates is not None and len(teammates):
             laser = compose(pose, np.array([LASER_X, 0.0, 0.0]))
@@ -142,7 +149,20 @@ class Drive:
         return bool(self.result) or now - self._decided >= DECIDES
 
     def decide(self, result: Sight, occupancy: Int8Array, others: Sequence[Teammate] = ()) -> bool:
-        """Choose a goal on a map like that of the survey; return whether exploration has ended."""
+        """Choose a goal.
+
+        Parameters
+        ----------
+        result : Sight
+        occupancy : (H, W) int8
+            A map with the cells of the survey.
+        others : sequence of Teammate
+
+        Returns
+        -------
+        bool
+            Whether exploration has ended.
+        """
         self._decided = result.time
         static = self.navigator.maps["global"].static_layer()
         assert static is not None

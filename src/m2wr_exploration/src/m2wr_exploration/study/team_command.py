@@ -104,13 +104,18 @@ def line(robots: int, rows: Sequence[Mapping[str, Any]], alone: Mapping[int, flo
 
 
 def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
-    """Run the command; return its exit code: 2 if a run saw less than 99 %, or had a contact.
+    """Run the command.
 
     Parameters
     ----------
     options : Namespace
         Of ``compare``.
     parser : ArgumentParser
+
+    Returns
+    -------
+    int
+        Exit code: 2 if a run saw less than 99 %, or had a contact; 1 if something cannot be used.
     """
     try:
         numbers = sorted({int(word) for word in options.robots.split(",")})

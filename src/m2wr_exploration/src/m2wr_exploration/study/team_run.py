@@ -179,6 +179,10 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
     limit : float
         Simulated [s].
 
+    Returns
+    -------
+    TeamExploration
+
     Raises
     ------
     ValueError

@@ -32,8 +32,8 @@ PEAKS = 3                   # shifts of each rotation that are kept
 CANDIDATES = 10             # places that are improved
 NEAR, SPREAD = 0.15, 0.06   # m: obstacles nearer than this agree; width of the peak of the score
 APART, TURNED = 0.6, 0.15   # m, rad: places that differ by more are others
-WALL = 8.0                  # m of wall in each map that have to agree
-AGREE = 0.9                 # share of the obstacles in the overlap that have to agree
+WALL = 10.0                 # m of wall in each map that have to agree
+AGREE = 0.96                # share of the obstacles in the overlap that have to agree
 OTHER = 0.7                 # of the best score: most that another place may have
 MOST_CELLS = 4096           # along a side of the search
 
