@@ -21,7 +21,7 @@ from m2wr_sim.model.types import (
     Surface,
 )
 from m2wr_sim.physics import height_kernels as kernels
-from m2wr_sim.physics.height_field_kernels import tops_of
+from m2wr_sim.physics.height_field_kernels import FEW_CELLS, greatest_in, tops_of
 
 RADIUS, WIDTH, STEP_HEIGHT, GRAVITY = 0.1, 0.04, 0.02, 9.8
 MASS, SPIN = 5.4, 0.002         # of an axle with two wheels [kg], and about its axis of the wheels [kg m^2]
@@ -242,6 +242,38 @@ def test_level_ground_gives_one_contact_in_the_middle():
     barrel = contacts(heights, (0.01, 0.01), kernels.CYLINDER, (RADIUS, 0.2, 0.0), (0.0, 0.0, 0.0999),
                       (-0.5 * math.pi, 0.0, 0.0))
     assert sorted(np.round(barrel[:, 1], 6)) == [-0.1, 0.1]
+
+
+@pytest.mark.parametrize("kind", [kernels.SPHERE, kernels.CYLINDER, kernels.WHEEL])
+def test_a_slope_of_many_cells_is_that_of_one(kind):
+    """So a contact of up to 2 mm, above which its side may be in contact, does not depend on the sampling."""
+    random = np.random.default_rng(kind)
+    for _ in range(50):
+        slopes, found = random.uniform(-0.02, 0.02, 2), []
+        position = (random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2))
+        height = slopes @ position + RADIUS * math.sqrt(1.0 + slopes @ slopes) - random.uniform(1e-5, 1e-3)
+        rpy = (-0.5 * math.pi + random.uniform(-0.02, 0.02), 0.0, random.uniform(-3.0, 3.0))
+        for count in (2, 41, 401):
+            x = np.linspace(-1.0, 1.0, count)
+            heights = slopes[0] * x[None, :] - slopes[1] * x[:, None]
+            cell = 2.0 / (count - 1)
+            found.append(contacts(heights, (cell, cell), kind, (RADIUS, WIDTH, 0.0), position + (height,), rpy))
+        assert len(found[0]) > 0
+        assert found[1] == pytest.approx(found[0], abs=1e-9) and found[2] == pytest.approx(found[0], abs=1e-9)
+
+
+def test_no_sample_exceeds_the_greatest_height_of_its_cells():
+    random = np.random.default_rng(5)
+    for _ in range(200):
+        rows, columns = random.integers(2, 120, 2)
+        heights = random.standard_normal((rows, columns))
+        top, left = random.integers(0, rows - 1), random.integers(0, columns - 1)
+        window = np.array([top, random.integers(top, rows - 1), left, random.integers(left, columns - 1)])
+        part = heights[top:window[1] + 2, left:window[3] + 2]
+        greatest = greatest_in(heights, tops_of(heights), window)
+        assert part.max() <= greatest <= heights.max()
+        if (window[1] - top + 1) * (window[3] - left + 1) <= FEW_CELLS:
+            assert greatest == part.max()
 
 
 @pytest.mark.parametrize("shape", [Box((0.3, 0.2, 0.1)), Sphere(0.1), Cylinder(0.1, 0.2)])

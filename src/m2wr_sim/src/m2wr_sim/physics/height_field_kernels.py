@@ -18,12 +18,36 @@ if TYPE_CHECKING:
 
     Values = NDArray[np.float64]
 
-BLOCK = 8                   # cells a side of one entry of the table of greatest heights
+SHIFT = 3                   # blocks of the first level of the greatest heights are 2 ** SHIFT cells a side
+FEW_CELLS = 40              # up to so many, looking at the samples themselves takes no longer
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tops_size(rows: int, columns: int) -> int:
+    """Return how many numbers :func:`tops_of` gives for a heightmap.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Its samples.
+
+    Returns
+    -------
+    int
+    """
+    down, across = ((rows - 2) >> SHIFT) + 1, ((columns - 2) >> SHIFT) + 1
+    size = down * across
+    while down * across > 1:
+        down, across = (down + 1) >> 1, (across + 1) >> 1
+        size += down * across
+    return size
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def tops_of(heights: Values) -> Values:
-    """Return the greatest height of each block of BLOCK x BLOCK cells.
+    """Return the greatest heights of blocks of cells, level after level.
+
+    The blocks of the first level are 8 x 8 cells, those of each further one twice as large a side; the last is one.
 
     Parameters
     ----------
@@ -31,16 +55,59 @@ def tops_of(heights: Values) -> Values:
 
     Returns
     -------
-    (block rows, block columns) float64
+    (n,) float64
+        Each level row by row.
     """
     rows, columns = heights.shape[0] - 1, heights.shape[1] - 1
-    tops = np.full(((rows + BLOCK - 1) // BLOCK, (columns + BLOCK - 1) // BLOCK), -math.inf)
-    for row in range(tops.shape[0]):
-        for column in range(tops.shape[1]):
-            for i in range(row * BLOCK, min(rows, (row + 1) * BLOCK) + 1):
-                for j in range(column * BLOCK, min(columns, (column + 1) * BLOCK) + 1):
-                    tops[row, column] = max(tops[row, column], heights[i, j])
+    tops = np.full(tops_size(rows + 1, columns + 1), -math.inf)
+    down, across = ((rows - 1) >> SHIFT) + 1, ((columns - 1) >> SHIFT) + 1
+    for row in range(down):
+        for i in range(row << SHIFT, min(rows, (row + 1) << SHIFT) + 1):
+            for column in range(across):
+                greatest = tops[row * across + column]
+                for j in range(column << SHIFT, min(columns, (column + 1) << SHIFT) + 1):
+                    greatest = max(greatest, heights[i, j])
+                tops[row * across + column] = greatest
+    below, at = 0, down * across
+    while down * across > 1:
+        wide, narrow = across, (across + 1) >> 1
+        for row in range(down):
+            for column in range(wide):
+                place = at + (row >> 1) * narrow + (column >> 1)
+                tops[place] = max(tops[place], tops[below + row * wide + column])
+        down, across, below = (down + 1) >> 1, narrow, at
+        at += down * across
     return tops
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def greatest_in(heights: Values, tops: Values, window: NDArray[np.int64]) -> float:
+    """Return a height that no sample of some cells exceeds [m]; for few cells it is the greatest of them.
+
+    Parameters
+    ----------
+    heights : (rows, columns) float64
+        [m]
+    tops : (n,) float64
+        From :func:`tops_of` [m].
+    window : (4,) int64
+        First and last row and column of the cells.
+    """
+    greatest = -math.inf
+    if (window[1] - window[0] + 1) * (window[3] - window[2] + 1) <= FEW_CELLS:
+        for row in range(window[0], window[1] + 2):
+            for column in range(window[2], window[3] + 2):
+                greatest = max(greatest, heights[row, column])
+        return greatest
+    shift, at = SHIFT, 0
+    down, across = ((heights.shape[0] - 2) >> SHIFT) + 1, ((heights.shape[1] - 2) >> SHIFT) + 1
+    while (window[1] >> shift) - (window[0] >> shift) > 2 or (window[3] >> shift) - (window[2] >> shift) > 2:
+        at += down * across
+        down, across, shift = (down + 1) >> 1, (across + 1) >> 1, shift + 1
+    for row in range(window[0] >> shift, (window[1] >> shift) + 1):
+        for column in range(window[2] >> shift, (window[3] >> shift) + 1):
+            greatest = max(greatest, tops[at + row * across + column])
+    return greatest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -65,8 +132,8 @@ def turn(pose: Values, x: float, y: float, z: float, sign: float) -> Tuple[float
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def into(field: Values, pose: Values) -> Tuple[Values, Values]:
-    """Return centre (3,) and axes (3, 3), one a row, of a shape in the frame of a heightmap.
+def into(field: Values, pose: Values, centre: Values, axes: Values) -> None:
+    """Write centre and axes, one a row, of a shape in the frame of a heightmap.
 
     libode's heightmaps have y up and z against the y of the frame used here.
 
@@ -74,15 +141,17 @@ def into(field: Values, pose: Values) -> Tuple[Values, Values]:
     ----------
     field, pose : (7,) float64
         Of the heightmap and of the shape in the world: position [m], quaternion x, y, z, w.
+    centre : (3,) float64
+        Written [m].
+    axes : (3, 3) float64
+        Written.
     """
-    centre, axes = np.empty(3), np.empty((3, 3))
     x, y, z = turn(field, pose[0] - field[0], pose[1] - field[1], pose[2] - field[2], -1.0)
     centre[0], centre[1], centre[2] = x, -z, y
     for axis in range(3):
         ux, uy, uz = turn(pose, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0, 1.0)
         x, y, z = turn(field, ux, uy, uz, -1.0)
         axes[axis, 0], axes[axis, 1], axes[axis, 2] = x, -z, y
-    return centre, axes
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -157,16 +226,13 @@ def ground_below(heights: Values, cell: Values, x: float, y: float) -> Tuple[flo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def window_of(heights: Values, tops: Values, cell: Values, centre: Values, reach: Values,
-              window: NDArray[np.int64]) -> bool:
-    """Write first and last row and column of the cells below a box; return whether any reaches up to it.
+def cells_below(heights: Values, cell: Values, centre: Values, reach: Values, window: NDArray[np.int64]) -> bool:
+    """Write first and last row and column of the cells below a box; return whether there is any.
 
     Parameters
     ----------
     heights : (rows, columns) float64
         [m]
-    tops : (k, l) float64
-        Greatest heights of blocks of cells [m].
     cell : (2,) float64
         Size of a cell along x and y [m].
     centre, reach : (3,) float64
@@ -183,12 +249,6 @@ def window_of(heights: Values, tops: Values, cell: Values, centre: Values, reach
     top, bottom = 0.5 * rows - (centre[1] + reach[1]) / cell[1], 0.5 * rows - (centre[1] - reach[1]) / cell[1]
     if not (right >= 0.0 and left <= columns and bottom >= 0.0 and top <= rows):
         return False
-    window[0], window[1] = max(0, int(math.floor(max(top, 0.0)))), min(rows - 1, int(min(bottom, rows)))
-    window[2], window[3] = max(0, int(math.floor(max(left, 0.0)))), min(columns - 1, int(min(right, columns)))
-    window[0], window[2] = min(window[0], rows - 1), min(window[2], columns - 1)
-    lowest = centre[2] - reach[2]
-    for row in range(window[0] // BLOCK, window[1] // BLOCK + 1):
-        for column in range(window[2] // BLOCK, window[3] // BLOCK + 1):
-            if tops[row, column] >= lowest:
-                return True
-    return False
+    window[0], window[1] = min(int(max(top, 0.0)), rows - 1), min(int(min(bottom, rows)), rows - 1)
+    window[2], window[3] = min(int(max(left, 0.0)), columns - 1), min(int(min(right, columns)), columns - 1)
+    return True

@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
 
-from m2wr_sim.physics.height_field_kernels import add, corner_of, ground_below, into, turn, window_of
+from m2wr_sim.physics.height_field_kernels import (
+    SHIFT,
+    add,
+    cells_below,
+    corner_of,
+    greatest_in,
+    ground_below,
+    into,
+    turn,
+)
 from m2wr_sim.physics.height_round_kernels import round_contacts
 
 try:
@@ -56,35 +65,48 @@ def _convex(heights: Values, row: int, column: int) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _peaks(heights: Values, cell: Values, centre: Values, axes: Values, halves: Values, rounded: bool,
-           window: NDArray[np.int64], out: Values, count: int) -> int:
-    """Write the contacts of convex samples inside a box, or a cylinder if ``rounded``; the nearest face decides."""
-    for row in range(window[0], window[1] + 2):
-        for column in range(window[2], window[3] + 2):
-            if heights[row, column] < centre[2] - halves[3] or not _convex(heights, row, column):
-                continue
-            x, y, z = corner_of(heights, cell, row, column)
-            least, face, sign = math.inf, 0, 0.0
-            for axis in range(3):
-                along = ((x - centre[0]) * axes[axis, 0] + (y - centre[1]) * axes[axis, 1]
-                         + (z - centre[2]) * axes[axis, 2])
-                side = 1.0 if along > 0.0 else -1.0
-                inside = halves[axis] - abs(along)
-                if inside < 0.0:
-                    least = -1.0
-                    break
-                if inside < least and side * axes[axis, 2] < 0.3 and not (rounded and axis < 2):
-                    least, face, sign = inside, axis, -side
-            if 0.0 < least < math.inf:
-                count = add(out, count, (x, y, z),
-                            (sign * axes[face, 0], sign * axes[face, 1], sign * axes[face, 2]), least)
+def _peak(heights: Values, cell: Values, centre: Values, axes: Values, halves: Values, rounded: bool, row: int,
+          column: int, out: Values, count: int) -> int:
+    """Write the contact of a sample, if it is convex and inside a box, or a cylinder if ``rounded``."""
+    x, y, z = corner_of(heights, cell, row, column)
+    least, face, sign = math.inf, 0, 0.0
+    for axis in range(3):
+        along = (x - centre[0]) * axes[axis, 0] + (y - centre[1]) * axes[axis, 1] + (z - centre[2]) * axes[axis, 2]
+        side = 1.0 if along > 0.0 else -1.0
+        inside = halves[axis] - abs(along)
+        if inside < 0.0:
+            return count
+        if inside < least and side * axes[axis, 2] < 0.3 and not (rounded and axis < 2):
+            least, face, sign = inside, axis, -side
+    if 0.0 < least < math.inf and _convex(heights, row, column):
+        count = add(out, count, (x, y, z), (sign * axes[face, 0], sign * axes[face, 1], sign * axes[face, 2]), least)
     return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _box(heights: Values, cell: Values, centre: Values, axes: Values, halves: Values, window: NDArray[np.int64],
-         out: Values) -> int:
-    """Write the contacts of a box: its corners, points along its edges, convex points of the ground in it."""
+def _peaks(heights: Values, tops: Values, cell: Values, centre: Values, axes: Values, halves: Values, rounded: bool,
+           window: NDArray[np.int64], out: Values, count: int) -> int:
+    """Write the contacts of convex samples inside a box, or a cylinder if ``rounded``; the nearest face decides."""
+    lowest, across, size = centre[2] - halves[3], ((heights.shape[1] - 2) >> SHIFT) + 1, 1 << SHIFT
+    for row in range(window[0], window[1] + 2):
+        block, column = (min(row, heights.shape[0] - 2) >> SHIFT) * across, window[2]
+        while column <= window[3] + 1:
+            end = min((column >> SHIFT << SHIFT) + size, window[3] + 2)
+            if tops[block + (min(column, heights.shape[1] - 2) >> SHIFT)] >= lowest:
+                for place in range(column, end):
+                    if heights[row, place] >= lowest:
+                        count = _peak(heights, cell, centre, axes, halves, rounded, row, place, out, count)
+            column = end
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _box(heights: Values, tops: Values, cell: Values, centre: Values, axes: Values, halves: Values, greatest: float,
+         window: NDArray[np.int64], out: Values) -> int:
+    """Write the contacts of a box: its corners, points along its edges, convex points of the ground in it.
+
+    ``greatest`` is a height that the ground below it does not exceed.
+    """
     count = 0
     for corner in range(8):
         x, y, z = centre[0], centre[1], centre[2]
@@ -100,15 +122,17 @@ def _box(heights: Values, cell: Values, centre: Values, axes: Values, halves: Va
                 other = (axis + number) % 3
                 side = halves[other] * (1.0 if edge >> (number - 1) & 1 else -1.0)
                 x, y, z = x + side * axes[other, 0], y + side * axes[other, 1], z + side * axes[other, 2]
+            if z - halves[axis] * abs(axes[axis, 2]) > greatest:
+                continue
             for part in range(1, parts):
                 along = halves[axis] * (2.0 * part / parts - 1.0)
                 count = _point(heights, cell, x + along * axes[axis, 0], y + along * axes[axis, 1],
                                z + along * axes[axis, 2], out, count)
-    return _peaks(heights, cell, centre, axes, halves, False, window, out, count)
+    return _peaks(heights, tops, cell, centre, axes, halves, False, window, out, count)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _upright(heights: Values, cell: Values, centre: Values, axes: Values, radius: float, half: float,
+def _upright(heights: Values, tops: Values, cell: Values, centre: Values, axes: Values, radius: float, half: float,
              halves: Values, window: NDArray[np.int64], out: Values) -> int:
     """Write the contacts of a cylinder with its ends up and down: points of its rims, convex points in it."""
     count = 0
@@ -120,7 +144,7 @@ def _upright(heights: Values, cell: Values, centre: Values, axes: Values, radius
                            centre[1] + u * axes[0, 1] + v * axes[1, 1] + end * axes[2, 1],
                            centre[2] + u * axes[0, 2] + v * axes[1, 2] + end * axes[2, 2], out, count)
     halves[0] = halves[1] = radius * math.sqrt(0.5)
-    return _peaks(heights, cell, centre, axes, halves, True, window, out, count)
+    return _peaks(heights, tops, cell, centre, axes, halves, True, window, out, count)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -131,8 +155,8 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
     Parameters
     ----------
     heights : (rows, columns) float64
-    tops : (block rows, block columns) float64
-        From :func:`tops_of`.
+    tops : (n,) float64
+        From :func:`m2wr_sim.physics.height_field_kernels.tops_of`.
     cell : (2,) float64
         Size of a cell along x and y [m].
     field, pose : (7,) float64
@@ -149,8 +173,9 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
     int
         Number of contacts.
     """
-    centre, axes = into(field, pose)
-    reach, halves, window = np.empty(3), np.empty(4), np.empty(4, np.int64)
+    room, window = np.empty(19), np.empty(4, np.int64)
+    centre, axes, reach, halves = room[:3], room[3:12].reshape(3, 3), room[12:15], room[15:]
+    into(field, pose, centre, axes)
     for axis in range(3):
         if kind == SPHERE:
             reach[axis] = size[0]
@@ -162,15 +187,18 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
             along = min(abs(axes[2, axis]), 1.0)
             reach[axis] = 0.5 * size[1] * along + size[0] * math.sqrt(1.0 - along * along)
     halves[3] = reach[2]
-    if not window_of(heights, tops, cell, centre, reach, window):
+    if not cells_below(heights, cell, centre, reach, window):
+        return 0
+    greatest = greatest_in(heights, tops, window)
+    if not greatest >= centre[2] - reach[2]:
         return 0
     if kind == BOX:
-        count = _box(heights, cell, centre, axes, halves, window, out)
+        count = _box(heights, tops, cell, centre, axes, halves, greatest, window, out)
     elif kind == SPHERE:
         count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.0, False, reach, window, out)
     elif kind == CYLINDER and abs(axes[2, 2]) > 0.7:
         halves[2] = 0.5 * size[1]
-        count = _upright(heights, cell, centre, axes, size[0], 0.5 * size[1], halves, window, out)
+        count = _upright(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], halves, window, out)
     else:
         count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], kind == WHEEL, reach, window,
                                out)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Callable, Tuple
 
 import numpy as np
 
-from m2wr_sim.physics.height_field_kernels import add, corner_of, ground_below, window_of
+from m2wr_sim.physics.height_field_kernels import add, corner_of, ground_below
+from m2wr_sim.physics.height_window_kernels import clears, is_plane, narrow, slants_of
 
 try:
     from numba import njit
@@ -32,40 +33,7 @@ _SIDE = 2e-3                # m, depth from which a wheel may be in contact with
 # row, column, which half of the cell; whether the ground leads no closer from there.  Its s, for a ball, is the first.
 _N_DISTANCE, _N_U, _N_V, _N_FIRST, _N_LAST, _N_FIRST_DISTANCE, _N_LAST_DISTANCE, _N_ROW, _N_COLUMN, _N_HALF, _N_OPEN = \
     range(11)
-_NEAR_WORDS, _FOUND_WORDS = 11, 7
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _narrow(heights: Values, tops: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
-            reach: Values, window: NDArray[np.int64]) -> bool:
-    """Narrow the window to what of a ball or wheel is below the greatest height in it; return whether there is any.
-
-    ``frame`` and ``half`` as for :func:`_near_triangles`.
-    """
-    greatest = -math.inf
-    for row in range(window[0], window[1] + 2):
-        for column in range(window[2], window[3] + 2):
-            greatest = max(greatest, heights[row, column])
-    above = centre[2] - greatest
-    if half == 0.0:
-        if above >= radius:
-            return False
-        if above > 0.0:
-            reach[0] = reach[1] = math.sqrt(radius * radius - above * above)
-            return window_of(heights, tops, cell, centre, reach, window)
-        return True
-    level = math.sqrt(frame[2, 0] * frame[2, 0] + frame[2, 1] * frame[2, 1])    # sine of the axis with the vertical
-    if level < 0.7:
-        return True
-    low = (above - half * abs(frame[2, 2])) / level         # along the steepest direction in the plane of the wheel
-    if low >= radius:
-        return False
-    if low > 0.0:
-        across, down = math.sqrt(radius * radius - low * low) / level, radius * abs(frame[2, 2]) / level + half
-        for axis in range(2):
-            reach[axis] = across * abs(frame[2, 1 - axis]) + down * abs(frame[2, axis])
-        return window_of(heights, tops, cell, centre, reach, window)
-    return True
+_NEAR_WORDS = 11
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -186,17 +154,18 @@ def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values
 
     ``frame`` has the directions u, v, s; s is the axis.  ``half`` is half the width, 0 for a ball.
     """
-    corners, polygon, found = np.empty((4, 3)), np.empty((8, 3)), np.empty(_FOUND_WORDS)
-    kept = np.empty((8, 3))
-    count, flat = 0, cell[0] * cell[0] + cell[1] * cell[1]
+    room = np.empty((20, 3))
+    corners, polygon, kept = room[:4], room[4:12], room[12:]
+    count, flat, slants = 0, cell[0] * cell[0] + cell[1] * cell[1], slants_of(cell, frame, radius, half)
     for row in range(window[0], window[1] + 1):
         for column in range(window[2], window[3] + 1):
-            low = high = heights[row, column]
-            for number in range(1, 4):
-                height = heights[row + number // 2, column + number % 2]
-                low, high = min(low, height), max(high, height)
+            one, two = heights[row, column], heights[row, column + 1]
+            three, four = heights[row + 1, column], heights[row + 1, column + 1]
+            low, high = min(min(one, two), min(three, four)), max(max(one, two), max(three, four))
             x, y, _ = corner_of(heights, cell, row, column)
             px, py = x + 0.5 * cell[0] - centre[0], y - 0.5 * cell[1] - centre[1]
+            if clears(slants, cell, frame, px, py, high - centre[2], radius, half):
+                continue
             pz = 0.5 * (low + high) - centre[2]
             bound = 0.5 * math.sqrt(flat + (high - low) * (high - low))
             s = px * frame[2, 0] + py * frame[2, 1] + pz * frame[2, 2]
@@ -204,16 +173,14 @@ def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values
             if away > (radius + bound) * (radius + bound) or (half > 0.0 and abs(s) > half + bound):
                 continue
             for number in range(4):
-                x, y, z = corner_of(heights, cell, row + number // 2, column + number % 2)
-                for axis in range(3):
-                    corners[number, axis] = ((x - centre[0]) * frame[axis, 0] + (y - centre[1]) * frame[axis, 1]
-                                             + (z - centre[2]) * frame[axis, 2])
+                _put(heights, cell, centre, frame, row + number // 2, column + number % 2, corners, number)
             for part in range(2):       # corners 0 1 / 2 3; the diagonal is from 2 to 1
                 for axis in range(3):
                     polygon[0, axis], polygon[1, axis] = corners[2, axis], corners[1, axis]
                     polygon[2, axis] = corners[3 * part, axis]
                 if _apart(polygon, radius, half):
                     continue
+                found = near[count]
                 if half > 0.0:
                     sides = _clip(polygon, 3, half, kept)
                     if sides == 0:
@@ -221,12 +188,56 @@ def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values
                     _nearest_to_axis(polygon, sides, radius, found)
                 else:
                     _nearest_to_point(polygon, found)
-                if found[_N_DISTANCE] < radius and count < near.shape[0]:
-                    for word in range(_FOUND_WORDS):
-                        near[count, word] = found[word]
-                    near[count, _N_ROW], near[count, _N_COLUMN], near[count, _N_HALF] = row, column, part
+                if found[_N_DISTANCE] < radius and count < _MOST_NEAR:
+                    found[_N_ROW], found[_N_COLUMN], found[_N_HALF] = row, column, part
                     count += 1
     return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put(heights: Values, cell: Values, centre: Values, frame: Values, row: int, column: int, out: Values,
+         number: int) -> None:
+    """Write the place of a sample as u, v, s."""
+    x, y, z = corner_of(heights, cell, row, column)
+    for axis in range(3):
+        out[number, axis] = ((x - centre[0]) * frame[axis, 0] + (y - centre[1]) * frame[axis, 1]
+                             + (z - centre[2]) * frame[axis, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_plane(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
+                window: NDArray[np.int64], found: Values) -> int:
+    """Write the nearest point of a window whose samples are in one plane, as if it were one face; return how many.
+
+    It is that of all its triangles together; -1 if these are needed one by one.
+    """
+    top, left = window[0], window[2]
+    if half == 0.0:
+        x, y, z = corner_of(heights, cell, top, left)
+        along, upwards = (heights[top, left + 1] - z) / cell[0], (z - heights[top + 1, left]) / cell[1]
+        scale = 1.0 / math.sqrt(1.0 + along * along + upwards * upwards)
+        distance = (centre[2] - z - along * (centre[0] - x) - upwards * (centre[1] - y)) * scale
+        dx, dy, dz = along * scale * distance, upwards * scale * distance, -scale * distance
+        right, down = (centre[0] + dx - x) / cell[0], (y - centre[1] - dy) / cell[1]
+        if not (0.0 <= right <= window[3] + 1 - left and 0.0 <= down <= window[1] + 1 - top):
+            return -1
+        found[_N_DISTANCE], found[_N_U] = distance, dx * frame[0, 0] + dy * frame[0, 1] + dz * frame[0, 2]
+        found[_N_V] = dx * frame[1, 0] + dy * frame[1, 1] + dz * frame[1, 2]
+        found[_N_FIRST] = found[_N_LAST] = dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]
+        found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = distance
+    else:
+        polygon = np.empty((16, 3))
+        for corner in range(4):
+            _put(heights, cell, centre, frame, top if corner < 2 else window[1] + 1,
+                 left if corner % 3 == 0 else window[3] + 1, polygon, corner)
+        sides = _clip(polygon, 4, half, polygon[8:])
+        if sides == 0:
+            return 0
+        _nearest_to_axis(polygon, sides, radius, found)
+        if radius - found[_N_DISTANCE] > _SIDE:
+            return -1
+    found[_N_OPEN] = 1.0
+    return 1 if found[_N_DISTANCE] < radius else 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -288,11 +299,15 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
     """
     if _sunk(heights, cell, centre, radius, out):
         return 1
-    if not _narrow(heights, tops, cell, centre, frame, radius, half, reach, window):
+    if not narrow(heights, tops, cell, centre, frame, radius, half, reach, window):
         return 0
-    near = np.empty((_MOST_NEAR, _NEAR_WORDS))
-    found = _near_triangles(heights, cell, centre, frame, radius, half, window, near)
-    _mark_closest(heights, cell, centre, frame, near, found)
+    near = np.empty((_MOST_NEAR + 1, _NEAR_WORDS))
+    found = -1
+    if is_plane(heights, window):
+        found = _near_plane(heights, cell, centre, frame, radius, half, window, near[0])
+    if found < 0:
+        found = _near_triangles(heights, cell, centre, frame, radius, half, window, near)
+        _mark_closest(heights, cell, centre, frame, near, found)
     solid = 0.0 if half > 0.0 else 1.0
     count = 0
     while count < out.shape[0] - 1:

@@ -100,7 +100,7 @@ class _HeightData:
     Attributes
     ----------
     heights : (rows, columns) float64
-    tops : (block rows, block columns) float64
+    tops : (n,) float64
         See :func:`m2wr_sim.physics.height_field_kernels.tops_of`.
     cell : (2,) float64
         Size of a cell along x and y [m].

@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
-from m2wr_sim.physics.height_field_kernels import BLOCK
+from m2wr_sim.physics.height_field_kernels import tops_size
 from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, height_contacts
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
@@ -288,9 +288,9 @@ def _ground_contacts(words: Words, values: Values, one: int, two: int, geom_one:
     at = row + G_SIZE
     rows, columns = np.int64(words[at + FIELD_ROWS]), np.int64(words[at + FIELD_COLUMNS])
     heights = carray(_pointer(words[at + FIELD_HEIGHTS]), (rows, columns), np.float64)
-    tops = carray(_pointer(words[at + FIELD_TOPS]),
-                  ((rows + BLOCK - 2) // BLOCK, (columns + BLOCK - 2) // BLOCK), np.float64)
-    field_pose, pose, size, cell = np.empty(7), np.empty(7), np.empty(3), np.empty(2)
+    tops = carray(_pointer(words[at + FIELD_TOPS]), (tops_size(rows, columns),), np.float64)
+    numbers = np.empty(19)
+    field_pose, pose, size, cell = numbers[:7], numbers[7:14], numbers[14:17], numbers[17:]
     room = first + C_GEOMETRY
     _pose_of(words, values, field, room, field_pose)
     _pose_of(words, values, shape, room, pose)
