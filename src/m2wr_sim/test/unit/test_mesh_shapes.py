@@ -252,12 +252,18 @@ def test_pictures_of_many_kinds_are_read(folder, name, levels):
 
 def test_large_heightmap_is_sampled_less_or_rejected(folder, monkeypatch):
     picture(folder, np.zeros((9, 9), np.uint8))
-    monkeypatch.setattr(mesh_shapes, "MAX_TRIANGLES", 512)
+    monkeypatch.setattr(mesh_shapes, "_MOST_CELLS", 256)
     (shape,), (note,) = load(folder, heightmap("<sampling>4</sampling>"))
     assert shape.heights.shape == (17, 17) and "<sampling> 4" in note and "using 2" in note
-    monkeypatch.setattr(mesh_shapes, "MAX_TRIANGLES", 100)
+    monkeypatch.setattr(mesh_shapes, "_MOST_CELLS", 50)
     shapes, (note,) = load(folder, heightmap())
-    assert shapes == [] and "9 x 9 pixels; expected at most 50" in note
+    assert shapes == [] and "9 x 9 pixels; expected at most 50 cells" in note
+
+
+def test_the_usual_size_of_gazebo_is_read(folder):
+    picture(folder, np.zeros((1025, 1025), np.uint8))
+    (shape,), notes = load(folder, heightmap("<size>1 1 2</size><sampling>1</sampling>"))
+    assert shape.heights.shape == (1025, 1025) and notes == ()
 
 
 @pytest.mark.parametrize("content, said", [(None, "no such file"), (b"no picture", "expected a picture"),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, MeshPart, read_mesh_file
+from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MeshPart, read_mesh_file
 from m2wr_sim.model.mesh.polyline import extrude
 from m2wr_sim.model.model_folders import tell_stand_in
 from m2wr_sim.model.source_files import note_file
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _DEFAULT_SAMPLING = 2       # SDF's
 _PICTURES = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF")     # others may start programs to be read
 _MAX_PIXELS = 4096 * 4096
+_MOST_CELLS = 1024 * 1024   # of a heightmap: 1025 x 1025 samples, 8 MB; what the laser makes of them takes 0.4 GB
 
 
 def _below(rest: str) -> str:
@@ -172,15 +173,15 @@ class MeshReader:
             return None
         heights = _heights(levels, abs(size[2]), size[2] < 0.0)
         wanted = sampling
-        while sampling > 1 and _cells(heights, sampling) > MAX_TRIANGLES // 2:
+        while sampling > 1 and _cells(heights, sampling) > _MOST_CELLS:
             sampling -= 1
-        if _cells(heights, sampling) > MAX_TRIANGLES // 2:
-            self._leave_out(element, "heightmap {}: the picture has {} x {} pixels; expected at most {} in all".format(
-                uri, heights.shape[1], heights.shape[0], MAX_TRIANGLES // 2))
+        if _cells(heights, sampling) > _MOST_CELLS:
+            self._leave_out(element, "heightmap {}: the picture has {} x {} pixels; expected at most {} cells between "
+                            "them".format(uri, heights.shape[1], heights.shape[0], _MOST_CELLS))
             return None
         if sampling != wanted:
-            self._notes.add("{}: heightmap {}: <sampling> {} would make more than {} triangles; using {}.".format(
-                place(element), uri, wanted, MAX_TRIANGLES, sampling))
+            self._notes.add("{}: heightmap {}: <sampling> {} would make more than {} cells; using {}.".format(
+                place(element), uri, wanted, _MOST_CELLS, sampling))
         return Heightmap(_sampled(heights, sampling), (size[0], size[1]), position, path)
 
     def polyline(self, nodes: Sequence[ShapeElement]) -> Mesh:
