@@ -14,7 +14,7 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
-from m2wr_tools.benchmark import c_loop, command, controllers_speed, in_process, others, reference, table
+from m2wr_tools.benchmark import c_loop, command, controllers_speed, ground_speed, in_process, others, reference, table
 from m2wr_tools.benchmark.arguments import OTHERS
 
 PACKAGE = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
@@ -263,6 +263,14 @@ def test_controllers_that_do_not_start_are_told():
     broken = controllers_speed.CASES[1]._replace(controllers={"drive": {"type": "unknown"}})
     with pytest.raises(ValueError, match="did not start"):
         controllers_speed.time_of(broken, steps=20)
+
+
+def test_a_step_is_measured_on_a_plane_and_on_heightmaps(monkeypatch):
+    monkeypatch.setattr(ground_speed, "SAMPLES", 65)
+    rows = [line.split("|")[1:4] for line in ground_speed.report(50, (0.1,)).splitlines()[2:]]
+    assert [row[0].strip() for row in rows] == [
+        "plane", "level, 65 x 65 samples, cell 10 cm", "rough, 65 x 65 samples, cell 10 cm"]
+    assert all(float(value) > 0.0 for row in rows for value in row[1:])
 
 
 def test_a_simulator_that_is_not_installed_is_named(from_source, capsys, monkeypatch):

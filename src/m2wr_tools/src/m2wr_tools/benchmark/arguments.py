@@ -64,6 +64,8 @@ def parser() -> argparse.ArgumentParser:
                       "(%(const)s), and of f1tenth_gym, ir-sim and MuJoCo where they are installed")
     made.add_argument("--controllers", action="store_true",
                       help="print the processor time of the controllers of ros_control in a step")
+    made.add_argument("--ground", action="store_true",
+                      help="print the processor time of a physics step on heightmaps, and its ratio to that on a plane")
     made.add_argument("--cameras", action="store_true",
                       help="print the processor time of cameras and of a laser with 16 layers, messages included")
     made.add_argument("--repeats", type=_whole(1), default=5,

@@ -187,6 +187,10 @@ def perform(options: argparse.Namespace) -> int:
             from m2wr_tools.benchmark import controllers_speed
             sys.stdout.write(controllers_speed.report())
             return 0
+        if options.ground:
+            from m2wr_tools.benchmark import ground_speed
+            sys.stdout.write(ground_speed.report())
+            return 0
         if options.cameras:
             from m2wr_tools.benchmark import sensors_speed
             sys.stdout.write(sensors_speed.report())
