@@ -31,6 +31,11 @@ def rotation_of(quaternion: Sequence[float]) -> Values:
                      [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]])
 
 
+def heading(rotation: Values) -> float:
+    """Return the heading of a rotation matrix (3, 3) [rad]."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
 class DeadReckoning:
     """Adds up the distance of the wheels along the x axis of the IMU's orientation.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map of heights that moves with the robot."""
+"""A map of heights that moves with the robot, or stays."""
 from __future__ import annotations
 
 import math
@@ -64,6 +64,8 @@ class ElevationMap:
     Parameters
     ----------
     settings : MapSettings
+    follow : bool
+        Whether the map moves with the robot; else its middle stays at the origin of the frame.
 
     Attributes
     ----------
@@ -71,13 +73,14 @@ class ElevationMap:
         [m], [m^2]; nan where unknown; rows along y, columns along x.
     """
 
-    def __init__(self, settings: MapSettings) -> None:
-        self.settings = settings
+    def __init__(self, settings: MapSettings, follow: bool = True) -> None:
+        self.settings, self._follow = settings, follow
         self._side = int(round(settings.size / settings.cell))
         self.height = np.full((self._side, self._side), math.nan)
         self.variance = self.height.copy()
         self._misses = np.zeros(self.height.shape, np.int64)
-        self._first = (0, 0)            # number of the least cell along x and y, from the origin of the frame
+        # number of the least cell along x and y, from the origin of the frame
+        self._first = (0, 0) if follow else (-(self._side // 2), -(self._side // 2))
         self._place: Tuple[float, float] = (math.nan, math.nan)
 
     @property
@@ -92,7 +95,7 @@ class ElevationMap:
         return self.corner[0] + half, self.corner[1] + half
 
     def move(self, x: float, y: float) -> None:
-        """Centre the map on the robot; what leaves it is forgotten, what is known becomes less certain.
+        """Centre the map on the robot if it follows; what leaves it is forgotten, what is known becomes less certain.
 
         Parameters
         ----------
@@ -108,7 +111,7 @@ class ElevationMap:
             raise ValueError("the robot is at ({}, {}); expected finite numbers".format(x, y))
         cell = self.settings.cell
         first = (int(round(x / cell)) - self._side // 2, int(round(y / cell)) - self._side // 2)
-        if first != self._first:
+        if self._follow and first != self._first:
             right, down = first[0] - self._first[0], first[1] - self._first[1]
             height, variance = np.full(self.height.shape, math.nan), np.full(self.height.shape, math.nan)
             misses = np.zeros(self.height.shape, np.int64)
@@ -120,6 +123,11 @@ class ElevationMap:
         if math.isfinite(self._place[0]):
             self.variance += self.settings.drift * math.hypot(x - self._place[0], y - self._place[1])
         self._place = (x, y)
+
+    def forget(self) -> None:
+        """Forget all heights."""
+        self.height[:] = self.variance[:] = math.nan
+        self._misses[:] = 0
 
     def offset(self, points: NDArray[Any], rotation: Values, position: Values, slip: float = 0.02) -> Values:
         """Return by what a cloud has to be moved (3,) so that it lies on the map; zeros if little is known [m].

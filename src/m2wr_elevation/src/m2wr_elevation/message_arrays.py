@@ -2,7 +2,7 @@
 """Contents of messages as arrays and back: clouds of points, layers of grid maps, meshes.  Messages are untrusted."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import TYPE_CHECKING, Any, Sequence, Tuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     Values = NDArray[np.float64]
 
 MOST_POINTS = 500000        # of a cloud
+ROBOT = 0.7                 # m around the middle of another robot in which points may be on it
 _FLOATS = {7: "<f4", 8: "<f8"}      # of sensor_msgs/PointField
 
 
@@ -100,3 +101,22 @@ def surface(height: Values, traversability: Values, corner: Tuple[float, float],
     triangles = np.concatenate((np.stack((a, b, d), axis=1), np.stack((a, d, c), axis=1)))
     chosen = triangles[np.isfinite(points[triangles][..., 2]).all(axis=1)].ravel()
     return points[chosen], colours[chosen]
+
+
+def without(points: Values, rotation: Values, position: Values, places: Sequence[Tuple[float, float]]) -> Values:
+    """Return a cloud with the points on other robots as nan.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        In the frame of the sensor [m].
+    rotation, position : (3, 3), (3,) float64
+        Of the sensor in the map.
+    places : sequence of (float, float)
+        Of the robots in the map [m].
+    """
+    x, y = points @ rotation[0] + position[0], points @ rotation[1] + position[1]
+    near = np.zeros(len(points), bool)
+    for place in places:
+        near |= (x - place[0]) ** 2 + (y - place[1]) ** 2 < ROBOT ** 2
+    return np.where(near[:, None], np.nan, points)

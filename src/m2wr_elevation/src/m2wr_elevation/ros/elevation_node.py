@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import TYPE_CHECKING, Any, Deque, Dict, List, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Deque, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker
 
 from m2wr_elevation.dead_reckoning import DeadReckoning, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
-from m2wr_elevation.message_arrays import layer_data, occupancy, points_of, surface
+from m2wr_elevation.message_arrays import layer_data, occupancy, points_of, surface, without
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer, frame
 
@@ -53,9 +53,23 @@ def quaternion_of(rotation: Values) -> Tuple[float, float, float, float]:
 
 
 class ElevationNode:
-    """Maps each cloud when the IMU's orientation at its stamp is known."""
+    """Maps each cloud when the IMU's orientation at its stamp is known.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    follow : bool
+        Whether the map moves with the robot.
+    start : (float, float)
+        Where the robot begins in the frame of the map [m].
+
+    Attributes
+    ----------
+    map : ElevationMap
+    reckoning : DeadReckoning
+    """
+
+    def __init__(self, follow: bool = True, start: Tuple[float, float] = (0.0, 0.0)) -> None:
+        self._follow, self._start = follow, start
         names = [name for name in MapSettings.__dataclass_fields__]
         given = {name: float(rospy.get_param("~" + name)) for name in names if rospy.has_param("~" + name)}
         self._settings, self._axle = MapSettings(**given), float(rospy.get_param("~axle", 0.0))
@@ -82,8 +96,19 @@ class ElevationNode:
 
     def _begin(self) -> None:
         """Begin with an empty map where the robot is."""
-        self._map, self._reckoning = ElevationMap(self._settings), DeadReckoning(self._axle)
-        self._restarted = False
+        self.map, self.reckoning = ElevationMap(self._settings, self._follow), DeadReckoning(self._axle)
+        self._restarted, self._begun = False, False
+
+    def wanted(self) -> bool:
+        """Return whether a cloud is to be mapped now; other nodes replace this."""
+        return True
+
+    def others(self, stamp: Any) -> Sequence[Tuple[float, float]]:
+        """Return places of other robots in the map, which are no ground [m]; other nodes replace this."""
+        return ()
+
+    def mapped(self, stamp: Any) -> None:
+        """Do something after a cloud is in the map; other nodes replace this."""
 
     def _on_cloud(self, message: PointCloud2) -> None:
         with self._changed:
@@ -110,7 +135,7 @@ class ElevationNode:
             with self._changed:
                 self._changed.wait_for(lambda: self._cloud is not None or rospy.is_shutdown(), 0.5)
                 cloud, self._cloud = self._cloud, None
-                if cloud is None:
+                if cloud is None or not self.wanted():
                     continue
                 stamp = cloud.header.stamp
                 imu = self._imu_at(stamp)
@@ -157,26 +182,33 @@ class ElevationNode:
         points = points_of(cloud)
         turned, place = self._mount(cloud.header.frame_id)
         turn = imu.orientation
-        self._reckoning.orient((turn.x, turn.y, turn.z, turn.w))
+        self.reckoning.orient((turn.x, turn.y, turn.z, turn.w))
+        if not self._begun:
+            self._begun = True
+            self.reckoning.shift(np.array((*self._start, 0.0)) - self.reckoning.position)
         newest = odometry[-1] if odometry else None
         if newest is not None:
             pose, heading = newest.pose.pose.position, rotation_of(_values(newest.pose.pose.orientation))
-            self._reckoning.travel(pose.x, pose.y, float(np.arctan2(heading[1, 0], heading[0, 0])))
-        rotation = self._reckoning.rotation
-        self._map.move(*self._reckoning.position[:2].tolist())
-        self._reckoning.shift(self._map.offset(points, rotation @ turned, self._reckoning.position + rotation @ place))
-        position = self._reckoning.position
-        self._map.add(points, rotation @ turned, position + rotation @ place, position)
+            self.reckoning.travel(pose.x, pose.y, float(np.arctan2(heading[1, 0], heading[0, 0])))
+        rotation = self.reckoning.rotation
+        others = self.others(cloud.header.stamp)
+        if others:
+            points = without(points, rotation @ turned, self.reckoning.position + rotation @ place, others)
+        self.map.move(*self.reckoning.position[:2].tolist())
+        self.reckoning.shift(self.map.offset(points, rotation @ turned, self.reckoning.position + rotation @ place))
+        position = self.reckoning.position
+        self.map.add(points, rotation @ turned, position + rotation @ place, position)
         if newest is not None:
             self._tell_frame(newest)
+        self.mapped(cloud.header.stamp)
         self._publish(cloud.header.stamp)
 
     def _tell_frame(self, odometry: Odometry) -> None:
         """Send where the frame of the odometry is in that of the map."""
         pose = odometry.pose.pose
         turned = rotation_of(_values(pose.orientation))
-        rotation = self._reckoning.rotation @ turned.T
-        place = self._reckoning.position - rotation @ np.array((pose.position.x, pose.position.y, pose.position.z))
+        rotation = self.reckoning.rotation @ turned.T
+        place = self.reckoning.position - rotation @ np.array((pose.position.x, pose.position.y, pose.position.z))
         message = TransformStamped()
         message.header.stamp, message.header.frame_id = odometry.header.stamp, self._frame
         message.child_frame_id = frame(odometry.header.frame_id)
@@ -192,7 +224,7 @@ class ElevationNode:
         self._clouds += 1
         if not any(wanted):
             return
-        layers = self._map.layers()
+        layers = self.map.layers()
         if wanted[0]:
             self._grid.publish(self._grid_message(layers, stamp))
         if wanted[1]:
@@ -202,11 +234,11 @@ class ElevationNode:
 
     def _grid_message(self, layers: Dict[str, Values], stamp: Any) -> GridMap:
         message = GridMap(layers=list(layers), basic_layers=["elevation"])
-        info, settings = message.info, self._map.settings
+        info, settings = message.info, self.map.settings
         info.header.stamp, info.header.frame_id, info.resolution = stamp, self._frame, settings.cell
-        rows, columns = self._map.height.shape
+        rows, columns = self.map.height.shape
         info.length_x, info.length_y = columns * settings.cell, rows * settings.cell
-        info.pose.position.x, info.pose.position.y = self._map.centre
+        info.pose.position.x, info.pose.position.y = self.map.centre
         info.pose.orientation.w = 1.0
         for layer in layers.values():
             array = Float32MultiArray(data=layer_data(layer).tolist())      # packed faster than an array
@@ -218,9 +250,9 @@ class ElevationNode:
     def _cost_message(self, traversability: Values, stamp: Any) -> OccupancyGrid:
         message = OccupancyGrid()
         message.header.stamp, message.header.frame_id = stamp, self._frame
-        message.info.map_load_time, message.info.resolution = stamp, self._map.settings.cell
+        message.info.map_load_time, message.info.resolution = stamp, self.map.settings.cell
         message.info.height, message.info.width = traversability.shape
-        message.info.origin.position.x, message.info.origin.position.y = self._map.corner
+        message.info.origin.position.x, message.info.origin.position.y = self.map.corner
         message.info.origin.orientation.w = 1.0
         message.data = occupancy(traversability).ravel().tolist()
         return message
@@ -229,8 +261,8 @@ class ElevationNode:
         marker = Marker(ns="elevation", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
         marker.header.stamp, marker.header.frame_id = stamp, self._frame
         marker.pose.orientation.w = marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
-        corners, colours = surface(layers["elevation"], layers["traversability"], self._map.corner,
-                                   self._map.settings.cell)
+        corners, colours = surface(layers["elevation"], layers["traversability"], self.map.corner,
+                                   self.map.settings.cell)
         marker.points = [Point(*point) for point in corners.tolist()]
         marker.colors = [ColorRGBA(*colour, 1.0) for colour in colours.tolist()]
         return marker

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_elevation.dead_reckoning import DeadReckoning, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
+from m2wr_elevation.message_arrays import without
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import Noise, RayScan
 from m2wr_sim.sensors.laser import LaserSensor
@@ -43,14 +44,20 @@ class MappingRobot:
     Parameters
     ----------
     sim : Sim
-        With m2wr_rough alone, at rest.
+        With m2wr_rough at rest.
     settings : MapSettings, optional
     seed : int
         Of the noise of the laser.
+    name : str, optional
+        Of the robot; None: it is the only one.
+    follow : bool
+        Whether the map moves with the robot.
     """
 
-    def __init__(self, sim: Sim, settings: Optional[MapSettings] = None, seed: int = 0) -> None:
-        self.map = ElevationMap(settings or MapSettings())
+    def __init__(self, sim: Sim, settings: Optional[MapSettings] = None, seed: int = 0, name: Optional[str] = None,
+                 follow: bool = True) -> None:
+        self.map = ElevationMap(settings or MapSettings(), follow)
+        self._name = name or sim.robots[0]
         self.reckoning = DeadReckoning(AXLE)
         self._sim, self._laser = sim, LaserSensor(_SCAN, np.random.default_rng(seed))
         heights = np.linspace(_SCAN.vertical_min_angle, _SCAN.vertical_max_angle, _SCAN.vertical_samples)
@@ -58,22 +65,30 @@ class MappingRobot:
         self._directions = np.stack(np.broadcast_arrays(
             flat * np.cos(angles), flat * np.sin(angles), np.sin(heights)[:, None]), axis=-1).reshape(-1, 3)
         self._mount = rotation_of(MOUNT[1])
-        start = sim.pose()
+        start = sim.pose(self._name)
         self.reckoning.orient(start[1])
         self.reckoning.shift(np.asarray(start[0]) - self.reckoning.position)
 
-    def look(self) -> None:
-        """Take odometry, orientation and a cloud into the map."""
-        pose = self._sim.pose()
-        odometry = self._sim.drive().odometry
+    def look(self, left_out: Sequence[Tuple[float, float]] = ()) -> None:
+        """Take odometry, orientation and a cloud into the map.
+
+        Parameters
+        ----------
+        left_out : sequence of (float, float)
+            Places of other robots in the map's frame, which are no ground [m].
+        """
+        pose = self._sim.pose(self._name)
+        odometry = self._sim.drive(self._name).odometry
         self.reckoning.orient(pose[1])
         if odometry is not None:
             self.reckoning.travel(*odometry.pose)
         self._sim.simulator.refresh_scene()
-        ranges, _ = self._laser.cast(self._sim.simulator.scene, compose(pose, MOUNT), self._sim.robots[0])
+        ranges, _ = self._laser.cast(self._sim.simulator.scene, compose(pose, MOUNT), self._name)
         ranges = np.asarray(ranges, float).ravel()
         points = self._directions * np.where(ranges < _SCAN.range_max, ranges, np.nan)[:, None]
         rotation = self.reckoning.rotation @ self._mount
+        if left_out:
+            points = without(points, rotation, self.reckoning.position, left_out)
         self.map.move(*self.reckoning.position[:2])
         ahead = self.reckoning.rotation @ np.asarray(MOUNT[0])
         self.reckoning.shift(self.map.offset(points, rotation, self.reckoning.position + ahead))
