@@ -174,6 +174,8 @@ LAUNCH_FILES = {
     "m2wr_sim/explore.launch": ["gui:=false", "record:=run.bag", "map:=plan"],
     "m2wr_sim/sim.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/rough.launch": ["gui:=false", "record:=run.bag"],
+    "m2wr_sim/deliver.launch": ["gui:=false", "record:=run.bag", "robots:=1"],
+    "m2wr_delivery/carriers.launch": None,      # needs the node delivery; deliver.launch includes it
     "m2wr_sim/robots.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/record.launch": [],
     "m2wr_sim/click_obstacles.launch": [],

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Each exercise: what a student starts from is not yet right, a solution is, and typical mistakes are named."""
+import json
 import shutil
 import subprocess
 import sys
@@ -219,3 +220,33 @@ def test_the_weights_as_they_are_give_the_narrow_path(tmp_path, capsys):
 def test_a_weight_that_is_spelt_wrong_is_named(tmp_path, capsys):
     code, said = check(7, weights(tmp_path / "w.yaml", clearance="wieght: 20.0"), capsys)
     assert code == 1 and "did you mean weight?" in said.out
+
+
+def report(tmp_path, **changes):
+    found = {"seed": 100, "settings": {"roughness": 1.5}, "robots": [{"robot": "robot1", "end": ""}],
+             "parcels": [{"parcel": "parcel%d" % number, "way_exists": number < 5,
+                          "delivered": 9.0 if number < 5 else None} for number in range(1, 6)]}
+    path = tmp_path / "delivery.json"
+    path.write_text(json.dumps(dict(found, **changes)))
+    return str(path)
+
+
+def test_a_delivery_on_rough_ground_is_done(tmp_path):
+    assert main(["10", report(tmp_path)]) == 0
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"seed": 5}, "seed from 100 on"), ({"settings": {"roughness": 1.0}}, "--roughness 1.5"),
+    ({"robots": [{"robot": "robot1", "end": "battery flat"}]}, "robot1 did not come back"),
+    ({"parcels": [{"parcel": "parcel1", "way_exists": True, "delivered": None}]}, "why parcel1 was not delivered")])
+def test_a_delivery_that_is_not_yet_right(tmp_path, capsys, changes, words):
+    assert main(["10", report(tmp_path, **changes)]) == 1
+    assert words in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"settings": 1}',
+                                  '{"seed": 1, "settings": {"roughness": 1}, "parcels": [1], "robots": []}'])
+def test_what_is_no_report_of_a_delivery_is_told(tmp_path, capsys, text):
+    path = tmp_path / "delivery.json"
+    path.write_text(text)
+    assert main(["10", str(path)]) == 2 and "no report" in capsys.readouterr().err

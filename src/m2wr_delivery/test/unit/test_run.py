@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A whole run in the simulator, the command, and the correction of a robot's position."""
+import json
+
+import numpy as np
+
+from m2wr_delivery.position import GAIN, take_fix
+from m2wr_delivery.study.command import main
+from m2wr_elevation.dead_reckoning import DeadReckoning
+from m2wr_elevation.elevation_map import ElevationMap, MapSettings
+
+
+class Mapping:
+    def __init__(self):
+        self.map, self.reckoning = ElevationMap(MapSettings(), follow=False), DeadReckoning()
+        self.map.height[:] = 0.0
+
+
+def test_a_small_difference_is_noise_and_a_large_one_is_a_slide():
+    robot = Mapping()
+    assert not take_fix(robot, (0.1, 0.0))
+    assert np.allclose(robot.reckoning.position, (0.1 * GAIN, 0.0, 0.0)) and np.all(robot.map.height == 0.0)
+    assert take_fix(robot, (2.0, 1.0))
+    assert np.allclose(robot.reckoning.position, (2.0, 1.0, 0.0)) and np.all(np.isnan(robot.map.height))
+
+
+def test_a_robot_delivers_a_parcel_in_the_simulator(tmp_path, capsys):
+    output = str(tmp_path / "run")
+    code = main(["--robots", "1", "--parcels", "1", "--blocked", "0", "--size", "14", "--walls", "2", "--roughness",
+                 "0.5", "--limit", "300", "--seed", "5", "--output", output])
+    assert code == 0, capsys.readouterr().out
+    assert "result: 1 of 1 parcels delivered" in capsys.readouterr().out
+    with open(output + ".json", encoding="utf-8") as file:
+        assert json.load(file)["parcels"][0]["robot"] == "robot1"
+
+
+def test_wrong_arguments_are_refused(capsys):
+    assert main(["--robots", "0"]) == 2 and "robots is 0" in capsys.readouterr().err
+    assert main(["--runs", "0"]) == 2 and "--runs 0" in capsys.readouterr().err
