@@ -109,6 +109,8 @@ class Carrier:
         Of STAGES.
     way : Way or None
         That it follows.
+    rejected : list of str
+        Why radio messages were refused.
     """
 
     def __init__(self, name: str, home: Point, capacity: float, settings: MapSettings, half: float,
@@ -117,6 +119,7 @@ class Carrier:
         self.way: Optional[Way] = None
         self._home, self._capacity, self._charger, self._energy = home, capacity, charger, energy or EnergyModel()
         self._navigator = Navigator(settings, half)
+        self.rejected: List[str] = []
         self._task: Optional[Parcel] = None
         self._results: List[Result] = []
         self._others: Dict[str, Tuple[float, Point]] = {}
@@ -173,8 +176,12 @@ class Carrier:
 
     def _listen(self, sense: Sense) -> None:
         for text in sense.inbox:
-            message = decode(text)
-            board, status = board_of(message), status_of(message)
+            try:
+                message = decode(text)
+                board, status = board_of(message), status_of(message)
+            except ValueError as error:
+                self.rejected.append(str(error))
+                continue
             if board is not None:
                 self._board = board
             elif status is not None and status.robot != self.name:

@@ -274,12 +274,14 @@ class Referee:
     def _deliver(self, name: str, text: str, group: "frozenset[str]", inboxes: Dict[str, List[str]]) -> None:
         try:
             status = status_of(decode(text))
-            if status is not None and status.robot != name:
-                raise ValueError("{} sends a status as {}".format(name, status.robot))
+            if status is None:
+                raise ValueError("it is no status; only the base tells something else")
+            if status.robot != name:
+                raise ValueError("it is a status of {}".format(status.robot))
         except ValueError as error:
             self.rejected.append("radio message of {} is refused: {}".format(name, error))
             return
-        if status is not None and BASE in group:
+        if BASE in group:
             self.base.hear(status)
         for other in group - {BASE, name}:
             inboxes[other].append(text)

@@ -166,3 +166,9 @@ def test_it_waits_for_a_robot_ahead_whose_name_is_less():
     fresh = Robot()
     fresh.assign()
     assert any(fresh.step([encode(later.message())]).linear != 0.0 or fresh.yaw for _ in range(10))
+
+
+def test_rubbish_by_radio_is_refused_and_told():
+    robot = Robot()
+    robot.step(["{", '{"kind": "board"}', "[]"])
+    assert len(robot.carrier.rejected) == 3 and robot.carrier.stage == module.WAITING

@@ -54,8 +54,9 @@ def test_robots_pass_on_what_they_hear():
 
 def test_a_robot_cannot_speak_for_another_and_rubbish_is_told():
     run = Run()
-    run.step(robot1=[status("robot2"), "{"])
-    assert len(run.referee.rejected) == 2 and not run.referee.base.heard
+    board = '{"kind": "board", "time": 1, "offered": [], "assigned": {}}'
+    assert not run.step(robot1=[status("robot2"), "{", board])["robot2"].inbox[1:]
+    assert len(run.referee.rejected) == 3 and not run.referee.base.heard
 
 
 def test_a_battery_empties_and_a_flat_robot_is_silent():

@@ -20,6 +20,7 @@ from m2wr_elevation.kernel_warm_up import compile_kernels
 from m2wr_elevation.ros.elevation_node import ElevationNode
 from m2wr_node.ros.starting import start_node
 
+TELL = 5.0                  # s between two messages about one cause
 MOST_MESSAGES = 200         # of the radio that wait
 
 
@@ -68,6 +69,9 @@ class CarrierNode(ElevationNode):
         tilt = math.acos(max(-1.0, min(1.0, float(rotation[2, 2]))))
         action = self._carrier.step(Sense(stamp.to_sec(), x, y, heading(rotation), tilt, battery, loaded, inbox,
                                           self.map.layers, fix))
+        for text in self._carrier.rejected:
+            rospy.logwarn_throttle(TELL, "radio message is refused: %s", text)
+        self._carrier.rejected.clear()
         command = Twist()
         command.linear.x, command.angular.z = action.linear, action.angular
         self._commands.publish(command)

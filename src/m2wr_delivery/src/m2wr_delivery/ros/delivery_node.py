@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 from dataclasses import fields
 from functools import partial
@@ -27,6 +28,7 @@ from m2wr_node.user_folder import from_user
 PERIOD = 0.1                # s of simulated time between two steps
 SETTLE = 1.0                # s of simulated time, in which the robots come to rest
 READY = 180.0               # s of wall time for the robots' nodes to start
+BACK = 0.5                  # s: further back than messages overtake one another
 STALE = 1.0                 # s of simulated time after which a command is no longer followed
 ABOVE = 0.3                 # m above a robot's origin: a parcel that it carries
 MOST_MESSAGES = 100         # radio messages of a robot in one step
@@ -72,6 +74,10 @@ class DeliveryNode:
             raise ValueError("there is no setting {}".format(", ".join(unknown)))
         self._scenario: Scenario = make_scenario(int(rospy.get_param("~seed", 0)), Settings(**given))
         self._output = from_user(str(rospy.get_param("~output", "delivery")))
+        folder = os.path.dirname(self._output)
+        if not os.access(folder, os.W_OK):
+            raise ValueError("{}: no report can be written there; expected a folder that may be written to".format(
+                folder))
         self._referee = Referee(self._scenario)
         self._changed, self._lock = threading.Condition(), threading.Lock()
         self._states: Optional[ModelStates] = None
@@ -98,6 +104,9 @@ class DeliveryNode:
             if self._states is None or now <= 0.0:
                 continue
             began = now if began is None else began
+            if now < self._referee.time - BACK:
+                ended = "simulated time has gone back"
+                break
             if now < max(began + SETTLE, next_time):
                 continue
             next_time = now + PERIOD - 1e-6
@@ -194,10 +203,13 @@ class DeliveryNode:
     def _report(self, ended: str) -> int:
         for robot in self._robots.values():
             robot.commands.publish(Twist())
+        if math.isnan(self._referee.began):
+            rospy.loginfo("the run ended before it began: %s", ended)
+            return 1
         result = report.result_of(self._scenario, self._referee, ended)
+        print(report.text_of(result), end="", flush=True)
         report.write(self._output + ".json", result)
         figure.save(self._output + ".png", self._scenario, self._referee)
-        print(report.text_of(result), end="", flush=True)
         rospy.loginfo("the report is in %s.json and %s.png", self._output, self._output)
         return 0 if report.succeeded(result) else 1
 
