@@ -154,6 +154,29 @@ def test_static_model_that_is_placed_elsewhere_is_seen_there(make):
 # ---- depth cameras ---------------------------------------------------------------------------------------------
 
 
+def test_models_are_looked_through_only_after_one_came_or_went(make):
+    """So that a picture takes no longer in a world of many models that it does not show."""
+    class Counted(dict):
+        reads = 0
+
+        def items(self):
+            Counted.reads += 1
+            return super().items()
+
+    rig = make(tags="<cameraName>cam</cameraName>")
+    simulator = rig.simulator
+    simulator.models = Counted(simulator.models)
+    simulator.refresh_pictures()
+    before = Counted.reads
+    rig.run(0.5)
+    simulator.refresh_pictures()
+    assert Counted.reads == before
+    simulator.delete("wall")
+    simulator.refresh_pictures()
+    assert Counted.reads == before + 1
+    assert np.all(pixels(rig.run(0.2).messages("/cam/image_raw")[-1]) != (102, 0, 0))
+
+
 def test_depth_image_holds_metres_and_nan_outside(make):
     image = make(library=DEPTH, kind="depth").run(0.1).messages("/cam/depth/image_raw")[-1]
     assert (image.encoding, image.step) == ("32FC1", 128)

@@ -58,6 +58,7 @@ class PictureUpdate:
         self._simulator = simulator
         self.scene, self.look = PictureScene(), Scene()
         self._models: Dict[str, LiveModel] = {}             # that are in the scene
+        self._changes = -1                                  # of the simulator's models that it shows
         self._resting: Dict[int, List[_Place]] = {}         # static link -> its shapes
         self._moving: Dict[str, List[_Place]] = {}
         self._read: Optional[Callable[[], None]] = None
@@ -68,11 +69,10 @@ class PictureUpdate:
 
     def refresh(self) -> PictureScene:
         """Bring models, poses and lights up to date, and return the scene."""
-        lost = self._simulator.lost
-        models = {name: model for name, model in self._simulator.models.items() if name not in lost}
-        if len(self._models) != len(models) or any(self._models.get(name) is not model
-                                                   for name, model in models.items()):
-            self._change(models)
+        if self._changes != self._simulator.model_changes:
+            self._changes = self._simulator.model_changes
+            lost = set(self._simulator.lost)
+            self._change({name: model for name, model in self._simulator.models.items() if name not in lost})
         engine = self._simulator.engine
         if self._read is None:
             places = [place for parts in self._moving.values() for place in parts]

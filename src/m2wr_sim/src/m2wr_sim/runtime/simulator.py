@@ -62,6 +62,7 @@ class Simulator:
         self.now_ns, self.steps = 0, 0
         self.paused = False
         self.models: Dict[str, LiveModel] = OrderedDict()
+        self.model_changes = 0          # how often a model came or went
         self.lights: Dict[str, Light] = OrderedDict()
         self.look = Scene()             # ambient light and background, for cameras
         self._pictures: Optional[PictureUpdate] = None
@@ -175,6 +176,7 @@ class Simulator:
         handle = self.engine.add_model(record, pose, name)
         model = LiveModel(record, handle, pose)
         self.models[name] = model
+        self.model_changes += 1
         try:
             self._scene_update.add(model)
             self.plugins.start_all(model, namespace)
@@ -196,6 +198,7 @@ class Simulator:
         model.plugins = []              # breaks a reference cycle, which the collector does not free if it was frozen
         self.engine.remove_model(model.handle)
         del self.models[name]
+        self.model_changes += 1
         self.contact_counts.pop(name, None)
         self._scene_update.remove(model)
 
@@ -335,6 +338,7 @@ class Simulator:
             self.engine.abandon_model(model.handle)
             self._scene_update.hide(name)
             self._lost.append(name)
+            self.model_changes += 1
 
     def _delete_lost(self) -> None:
         """Delete the models that left the world; called while no plugin is running."""
