@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import threading
 from typing import Any, Dict, Optional
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Pose, Twist
+from geometry_msgs.msg import Twist
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 
 from gazebo_msgs.msg import ModelStates
-from gazebo_msgs.srv import SpawnModel
+from m2wr_campaign.ros.ground import spawn_ground, values_of
 from m2wr_campaign.rough.drive import OUTCOMES, REACHED, Watch
-from m2wr_campaign.terrain.files import write_heightmap
 from m2wr_campaign.terrain.measures import measures_of
 from m2wr_campaign.terrain.relief import Grid, heights_of
 from m2wr_node.ros.starting import start_node
@@ -52,25 +50,12 @@ class RoughDrive:
     def _on_joints(self, message: JointState) -> None:
         self._wheels.update(zip(message.name, message.position))
 
-    def _put_ground(self) -> None:
-        """Spawn the ground, wait for the robot, and let time run."""
-        rospy.wait_for_service("/gazebo/spawn_sdf_model")
-        with tempfile.TemporaryDirectory(prefix="m2wr_rough_") as folder:
-            path = write_heightmap(folder, self._grid, self._heights, 16)[0]
-            with open(path, encoding="utf-8") as file:
-                text = file.read()
-            first, last = text.index("<model "), text.index("</model>") + len("</model>")
-            done = rospy.ServiceProxy("/gazebo/spawn_sdf_model", SpawnModel)(
-                "terrain", '<sdf version="1.6">' + text[first:last] + "</sdf>", "", Pose(), "world")
-        if not done.success:
-            raise ValueError("the ground was not spawned: " + done.status_message)
-
     def run(self) -> int:
         """Return the exit code: 0 if the goal was reached, 1 if not."""
         found = measures_of(self._heights, self._grid.cell)
         rospy.loginfo("ground of seed %d: RMS height %.3f m, 95 %% of slopes below %.0f degrees", self._seed,
                       found["rms_height"], found["slope_95"])
-        self._put_ground()
+        spawn_ground(self._grid, self._heights, "terrain")
         rospy.Subscriber("/gazebo/model_states", ModelStates, self._on_states, queue_size=1)
         rospy.Subscriber("/joint_states", JointState, self._on_joints, queue_size=1)
         commands = rospy.Publisher("cmd_vel", Twist, queue_size=1)
@@ -106,9 +91,7 @@ class RoughDrive:
         states = self._states
         if states is None or self._robot not in states.name:
             return None
-        pose = states.pose[states.name.index(self._robot)]
-        return ((pose.position.x, pose.position.y, pose.position.z),
-                (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w))
+        return values_of(states.pose[states.name.index(self._robot)])
 
 
 def main() -> int:

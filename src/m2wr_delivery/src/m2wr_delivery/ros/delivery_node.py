@@ -17,16 +17,17 @@ from std_srvs.srv import Empty, Trigger, TriggerResponse
 from visualization_msgs.msg import MarkerArray
 
 from gazebo_msgs.msg import ModelState, ModelStates
+from m2wr_campaign.ros.ground import values_of
 from m2wr_campaign.rough.drive import heading_of, tilt_of
 from m2wr_delivery import figure, report
 from m2wr_delivery.referee import Referee, Truth
 from m2wr_delivery.ros.field import PARCEL, markers, pose_of, spawn
 from m2wr_delivery.scenario import Scenario, Settings, make_scenario
+from m2wr_delivery.study.run import SETTLE
+from m2wr_elevation.study.mapping import PERIOD
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 
-PERIOD = 0.1                # s of simulated time between two steps
-SETTLE = 1.0                # s of simulated time, in which the robots come to rest
 READY = 180.0               # s of wall time for the robots' nodes to start
 BACK = 0.5                  # s: further back than messages overtake one another
 STALE = 1.0                 # s of simulated time after which a command is no longer followed
@@ -155,8 +156,7 @@ class DeliveryNode:
         found = {}
         for name, pose in zip(states.name, states.pose):
             if name in self._robots:
-                place, turn = pose.position, pose.orientation
-                true = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+                true = values_of(pose)
                 found[name] = Truth(*true[0], heading_of(true), tilt_of(true))
         return found
 

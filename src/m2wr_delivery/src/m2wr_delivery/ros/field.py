@@ -2,8 +2,6 @@
 """Puts a field into the simulator: ground, walls, parcels and robots."""
 from __future__ import annotations
 
-import os
-import tempfile
 from typing import TYPE_CHECKING
 
 import rospy
@@ -12,7 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gazebo_msgs.srv import SpawnModel
-from m2wr_campaign.terrain.files import write_heightmap
+from m2wr_campaign.ros.ground import spawn_ground
 from m2wr_delivery.scenario import CHARGER_REACH, WALL
 from m2wr_delivery.study.run import DROP, wall_poses
 from m2wr_sim.geometry import quaternion_from_rpy
@@ -62,13 +60,7 @@ def spawn(scenario: Scenario, description: str) -> None:
     ValueError
         If something was not spawned.
     """
-    rospy.wait_for_service("/gazebo/spawn_sdf_model")
-    with tempfile.TemporaryDirectory(prefix="m2wr_delivery_") as folder:
-        path = write_heightmap(folder, scenario.grid, scenario.heights, 16)[0]
-        with open(os.path.join(folder, path), encoding="utf-8") as file:
-            text = file.read()
-        first, last = text.index("<model "), text.index("</model>") + len("</model>")
-        _spawn("sdf", "ground", '<sdf version="1.6">' + text[first:last] + "</sdf>", Pose())
+    spawn_ground(scenario.grid, scenario.heights, "ground")
     for number, (wall, (place, _)) in enumerate(zip(scenario.walls, wall_poses(scenario))):
         size = "{:g} {:g} {:g}".format(wall.length, WALL[0], 2.0 * WALL[1])
         _spawn("sdf", "wall%d" % (number + 1), _BOX.format(
