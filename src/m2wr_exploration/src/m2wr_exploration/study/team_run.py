@@ -100,7 +100,7 @@ class _Team:
         self.curve: List[Tuple[float, float]] = []
         self._merged = -math.inf
         self._waits = [-math.inf] * len(drives)
-        self._known = merge([drive.survey.snapshot() for drive in drives], [np.zeros(3)] * len(drives))
+        self._known = self.merged()
 
     def step(self, seen: Sequence[Sight]) -> None:
         """Let every robot look, and choose a goal where one is due."""
@@ -109,7 +109,7 @@ class _Team:
             drive.look(seen[number], np.delete(places, number, axis=0))
         if seen[0].time - self._merged >= MERGED_EVERY:
             self._merged = seen[0].time
-            self._known = merge([drive.survey.snapshot() for drive in self.drives], [np.zeros(3)] * len(self.drives))
+            self._known = self.merged()
             self.curve.append((seen[0].time, explored_share(self.place.truth, self.place.wanted, self._known)[0]))
         for number, drive in enumerate(self.drives):
             if not self.ended[number] and drive.is_due(seen[number].time):
@@ -150,9 +150,8 @@ class _Team:
                 occupancy[rows, columns] = 100
         return occupancy
 
-    @property
-    def known(self) -> Any:
-        """The merged map."""
+    def merged(self) -> Any:
+        """Return the map of all robots, merged now."""
         return merge([drive.survey.snapshot() for drive in self.drives], [np.zeros(3)] * len(self.drives))
 
 
@@ -209,7 +208,7 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
             result = sim.step(dict(zip(names, team.commands(seen))), PERIOD)
             contacts += len({(contact.first, contact.second, contact.time) for name in names
                              for contact in result[name].contacts})
-    share, area = explored_share(place.truth, place.wanted, team.known)
+    share, area = explored_share(place.truth, place.wanted, team.merged())
     curve = np.array(team.curve) - np.array([begun, 0.0])
     reached = curve[curve[:, 1] >= enough, 0]
     return TeamExploration(share, area, result.time - begun, float(reached[0]) if len(reached) else math.inf,
