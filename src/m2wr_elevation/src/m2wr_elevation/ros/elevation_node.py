@@ -16,7 +16,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_msgs.msg import ColorRGBA, Float32MultiArray, MultiArrayDimension
 from visualization_msgs.msg import Marker
 
-from m2wr_elevation.dead_reckoning import DeadReckoning, rotation_of
+from m2wr_elevation.dead_reckoning import DeadReckoning, heading, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
 from m2wr_elevation.message_arrays import layer_data, occupancy, points_of, surface, without
 from m2wr_node.ros.starting import start_node
@@ -57,6 +57,8 @@ class ElevationNode:
 
     Parameters
     ----------
+    settings : MapSettings, optional
+        None: from the parameters of the node.
     follow : bool
         Whether the map moves with the robot.
     start : (float, float)
@@ -68,11 +70,13 @@ class ElevationNode:
     reckoning : DeadReckoning
     """
 
-    def __init__(self, follow: bool = True, start: Tuple[float, float] = (0.0, 0.0)) -> None:
+    def __init__(self, settings: Optional[MapSettings] = None, follow: bool = True,
+                 start: Tuple[float, float] = (0.0, 0.0)) -> None:
         self._follow, self._start = follow, start
-        names = [name for name in MapSettings.__dataclass_fields__]
-        given = {name: float(rospy.get_param("~" + name)) for name in names if rospy.has_param("~" + name)}
-        self._settings, self._axle = MapSettings(**given), float(rospy.get_param("~axle", 0.0))
+        if settings is None:
+            settings = MapSettings(**{name: float(rospy.get_param("~" + name))
+                                      for name in MapSettings.__dataclass_fields__ if rospy.has_param("~" + name)})
+        self._settings, self._axle = settings, float(rospy.get_param("~axle", 0.0))
         self._begin()
         self._base = frame(str(rospy.get_param("~base_frame", "link_chassis")))
         self._frame = frame(str(rospy.get_param("~map_frame", "elevation_map")))
@@ -188,8 +192,8 @@ class ElevationNode:
             self.reckoning.shift(np.array((*self._start, 0.0)) - self.reckoning.position)
         newest = odometry[-1] if odometry else None
         if newest is not None:
-            pose, heading = newest.pose.pose.position, rotation_of(_values(newest.pose.pose.orientation))
-            self.reckoning.travel(pose.x, pose.y, float(np.arctan2(heading[1, 0], heading[0, 0])))
+            pose, turned_by = newest.pose.pose.position, rotation_of(_values(newest.pose.pose.orientation))
+            self.reckoning.travel(pose.x, pose.y, heading(turned_by))
         rotation = self.reckoning.rotation
         others = self.others(cloud.header.stamp)
         if others:
