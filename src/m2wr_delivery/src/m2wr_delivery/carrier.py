@@ -128,6 +128,7 @@ class Carrier:
         self._reason = ""                   # why the parcel is brought back
         self._home_length = 0.0             # m
         self._due: Dict[str, float] = {}    # work -> when it is due [s]
+        self._looked = -math.inf            # when the navigator was shown the map [s]
         self._still: Optional[Tuple[float, float, float, float]] = None     # time, x, y, yaw
         self._fix: Optional[Tuple[float, Point]] = None
         self._sought: Optional[Point] = None            # goal that is driven to
@@ -194,7 +195,7 @@ class Carrier:
             self._task, self._escapes = assigned, 0
             self.stage = TO_PICK_UP
         elif self._task is not None and assigned != self._task and self.stage == TO_PICK_UP:
-            self._task, self.stage, self.way = None, WAITING, None      # the base has given it to another robot
+            self._leave()               # the base has given it to another robot
         if self.stage in (TO_CHARGER, CHARGING):
             self._charge(sense)
         elif self._needs_charge(sense):
@@ -232,7 +233,7 @@ class Carrier:
 
     def _needs_charge(self, sense: Sense) -> bool:
         if self._is_due("home", sense.time, HOME_PERIOD):
-            self._navigator.see(sense.layers())
+            self._look(sense)
             self._home_length = self._navigator.plan((sense.x, sense.y), self._home).length
         wanted = RESERVE * self._energy.for_way(self._home_length, MEAN_SPEED) + KEPT * self._capacity
         return sense.battery * self._capacity < wanted
@@ -254,6 +255,10 @@ class Carrier:
         """Write down what became of the parcel, and wait for another."""
         if self._task is not None:
             self._results.append(Result(self._task.name, result, sense.time, reason))
+        self._leave()
+
+    def _leave(self) -> None:
+        """Wait for another parcel."""
         self._task, self._reason, self.stage, self.way = None, "", WAITING, None
 
     def _fail(self, sense: Sense, reason: str) -> None:
@@ -262,6 +267,12 @@ class Carrier:
             self.stage, self._reason, self._escapes, self._handling_since = BRINGING_BACK, reason, 0, math.inf
         elif not sense.loaded:
             self._end(sense, FAILED, reason)
+
+    def _look(self, sense: Sense) -> None:
+        """Show the navigator the map, once in a step."""
+        if self._looked != sense.time:
+            self._looked = sense.time
+            self._navigator.see(sense.layers())
 
     def _bid(self, sense: Sense) -> None:
         """Compute how long each offered parcel would take."""
@@ -272,7 +283,7 @@ class Carrier:
         self._bids = {name: bid for name, bid in self._bids.items() if name in offered}
         if not self._is_due("bid", sense.time, BID_PERIOD) and self._bids:
             return
-        self._navigator.see(sense.layers())
+        self._look(sense)
         for name, parcel in offered.items():
             if any(result.parcel == name for result in self._results):
                 continue
@@ -299,7 +310,7 @@ class Carrier:
         if now < self._escaping:
             return ESCAPE[0], ESCAPE[1] if self._escapes % 2 else -ESCAPE[1]
         if self._is_due("plan", now, PLAN_PERIOD) or self.way is None:
-            self._navigator.see(sense.layers())
+            self._look(sense)
             self.way = self._navigator.plan((sense.x, sense.y), goal, self.others(now))
             self._look_for_block(sense)
         if self.way is not None and goal != self._sought:

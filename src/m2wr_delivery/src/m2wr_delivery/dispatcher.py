@@ -115,17 +115,15 @@ class Dispatcher:
         return Board(now, offered, {entry.robot: entry.parcel for entry in self.entries.values()
                                     if entry.state == ASSIGNED})
 
-    def give_up(self, robots: Sequence[str], reason: str) -> None:
-        """Give up what no robot is left for: what is open, and what is assigned to these robots.
+    def give_up(self, robot: str, reason: str) -> None:
+        """Give up what is assigned to a robot.
 
         Parameters
         ----------
-        robots : sequence of str
-        reason : str
-            For each of them.
+        robot, reason : str
         """
         for entry in self.entries.values():
-            if entry.state == ASSIGNED and entry.robot in robots:
+            if entry.state == ASSIGNED and entry.robot == robot:
                 entry.attempts.setdefault(entry.robot, reason)
                 entry.state = GIVEN_UP
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from m2wr_elevation.planning import FORBIDDEN_COST, cost_of, route
 
@@ -127,14 +128,4 @@ def grown(cells: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
     by : int
         Number of cells.
     """
-    found = cells
-    for axis in (0, 1):
-        line = found
-        for step in range(1, by + 1):
-            moved = np.zeros_like(cells), np.zeros_like(cells)
-            ahead, back = [slice(None), slice(None)], [slice(None), slice(None)]
-            ahead[axis], back[axis] = slice(step, None), slice(None, -step)
-            moved[0][tuple(ahead)], moved[1][tuple(back)] = found[tuple(back)], found[tuple(ahead)]
-            line = line | moved[0] | moved[1]
-        found = line
-    return found
+    return np.asarray(binary_dilation(cells, np.ones((2 * by + 1, 2 * by + 1), bool)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Dict, List, Mapping, NamedTuple, Optional, Seq
 import numpy as np
 
 from m2wr_delivery.carrier import FULL, TILT
-from m2wr_delivery.dispatcher import Dispatcher
+from m2wr_delivery.dispatcher import ASSIGNED, GIVEN_UP, OPEN, Dispatcher
 from m2wr_delivery.energy import Battery, EnergyModel
 from m2wr_delivery.parcels import status_of
 from m2wr_delivery.radio import BASE, decode, encode, groups
@@ -219,7 +219,7 @@ class Referee:
             return "no robot can move"
         if self.base.finished and all(member.end or self._home(name) for name, member in self.members.items()):
             return "every parcel is delivered or given up, and the robots are back"
-        busy = any(entry.state == "assigned" for entry in self.base.entries.values())
+        busy = any(entry.state == ASSIGNED for entry in self.base.entries.values())
         if not busy and self.time - self._changed > IDLE_LIMIT \
                 and all(member.end or member.battery.share >= FULL for member in self.members.values()):
             return "no robot takes the parcels that are left"
@@ -290,19 +290,19 @@ class Referee:
         """Give up what robots have that move no more; no other robot can fetch a parcel from them."""
         for name, member in self.members.items():
             if member.end and any(cargo.carried and cargo.robot == name for cargo in self.cargo.values()):
-                self.base.give_up([name], member.end)
+                self.base.give_up(name, member.end)
 
     def _note(self) -> None:
         """Write down what the base learns."""
         for name, entry in self.base.entries.items():
-            state = "{} {}".format(entry.state, entry.robot if entry.state == "assigned" else "").strip()
-            if self._states.get(name, "open") != state:
+            state = "{} {}".format(entry.state, entry.robot if entry.state == ASSIGNED else "").strip()
+            if self._states.get(name, OPEN) != state:
                 self._states[name] = state
-                if entry.state == "assigned":
+                if entry.state == ASSIGNED:
                     self._event("{} is assigned to {}".format(name, entry.robot))
-                elif entry.state == "given up":
+                elif entry.state == GIVEN_UP:
                     self._event("{} is given up: {}".format(name, "; ".join(sorted(entry.attempts.values()))))
-                elif entry.state == "open":
+                elif entry.state == OPEN:
                     self._event("{} is open again".format(name))
 
     def _event(self, text: str) -> None:

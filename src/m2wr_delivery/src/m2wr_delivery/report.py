@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any, Dict, List
 
+from m2wr_delivery.dispatcher import ASSIGNED
+
 if TYPE_CHECKING:
     from m2wr_delivery.referee import Cargo, Referee
     from m2wr_delivery.scenario import Scenario
@@ -14,7 +16,7 @@ def _why_not(cargo: Cargo, referee: Referee) -> str:
     """Return why a parcel was not delivered, and where it is."""
     entry = referee.base.entries[cargo.parcel.name]
     reasons = ["{}: {}".format(robot, reason) for robot, reason in sorted(entry.attempts.items())]
-    if not reasons and entry.state == "assigned":
+    if not reasons and entry.state == ASSIGNED:
         reasons = ["{} was on its way".format(entry.robot)]
     why = "; ".join(reasons) or "no robot took it"
     if cargo.carried:

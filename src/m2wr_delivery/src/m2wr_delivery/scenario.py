@@ -185,6 +185,13 @@ def _level(grid: Grid, heights: Values, place: Point, radius: float) -> Values:
     return np.asarray(middle + (heights - middle) * share)
 
 
+def starts_of(robots: int) -> Dict[str, Tuple[float, float, float]]:
+    """Return names and start poses of robots, in a circle about the base: x, y [m], heading [rad]."""
+    angles = [2.0 * math.pi * number / robots for number in range(robots)]
+    return {"robot%d" % (number + 1): (BERTH * math.cos(angle), BERTH * math.sin(angle), angle)
+            for number, angle in enumerate(angles)}
+
+
 def true_map(settings: MapSettings, grid: Grid, heights: Values, walls: Tuple[Wall, ...]) -> ElevationMap:
     """Return the elevation map that a robot would have that has seen everything.
 
@@ -252,8 +259,4 @@ def make_scenario(seed: int, settings: Optional[Settings] = None) -> Scenario:
     navigator.see(reference.layers())
     solvable = {parcel.name: not navigator.plan((0.0, 0.0), parcel.pick_up).blocked
                 and not navigator.plan(parcel.pick_up, parcel.drop_off).blocked for parcel in parcels}
-    starts = {}
-    for number in range(settings.robots):
-        angle = 2.0 * math.pi * number / settings.robots
-        starts["robot%d" % (number + 1)] = (BERTH * math.cos(angle), BERTH * math.sin(angle), angle)
-    return Scenario(seed, settings, grid, heights, walls, places, tuple(parcels), starts, solvable)
+    return Scenario(seed, settings, grid, heights, walls, places, tuple(parcels), starts_of(settings.robots), solvable)

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from m2wr_delivery.carrier import Carrier, Sense
 from m2wr_delivery.position import take_fix
-from m2wr_delivery.scenario import Settings
+from m2wr_delivery.scenario import Settings, starts_of
 from m2wr_elevation.dead_reckoning import heading
 from m2wr_elevation.kernel_warm_up import compile_kernels
 from m2wr_elevation.ros.elevation_node import ElevationNode
@@ -29,12 +29,12 @@ class CarrierNode(ElevationNode):
 
     def __init__(self) -> None:
         name = rospy.get_namespace().strip("/")
-        x, y = (float(rospy.get_param("~start_" + axis)) for axis in "xy")
         settings = Settings(**dict(rospy.get_param("/delivery/settings")))
-        elevation = settings.map
-        for key in ("size", "cell", "radius"):
-            rospy.set_param("~" + key, getattr(elevation, key))
-        super().__init__(follow=False, start=(x, y))
+        starts, elevation = starts_of(settings.robots), settings.map
+        if name not in starts:
+            raise ValueError("the namespace is /{}; expected one of {}".format(name, ", ".join(starts)))
+        x, y, _ = starts[name]
+        super().__init__(elevation, follow=False, start=(x, y))
         self._carrier = Carrier(name, (x, y), settings.capacity, elevation, 0.5 * settings.size, settings.charger)
         self._lock = threading.Lock()
         self._battery: Optional[float] = None
