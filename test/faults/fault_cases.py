@@ -177,6 +177,8 @@ LAUNCH_FILES = {
     "m2wr_sim/deliver.launch": ["gui:=false", "record:=run.bag", "robots:=1"],
     "m2wr_delivery/carriers.launch": None,      # needs the node delivery; deliver.launch includes it
     "m2wr_sim/robots.launch": ["gui:=false", "record:=run.bag"],
+    "yocs_cmd_vel_mux/cmd_vel_mux.launch": [],
+    "yocs_velocity_smoother/velocity_smoother.launch": [],
     "m2wr_sim/record.launch": [],
     "m2wr_sim/click_obstacles.launch": [],
     "m2wr_sim/live.launch": [],

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""ekf_localization_node and twist_mux as the launch file of a robot starts them."""
+"""ekf_localization_node, twist_mux and TurtleBot2's nodelets as the launch files of robots start them."""
 import math
 import os
 import sys
@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -115,6 +115,41 @@ class CheckFusionAndMux(unittest.TestCase):
         status.next(2)
         self.assertNotIn(4.0, passed())
         self.assertNotIn(2.0, passed()[count:])
+
+    def test_nodelets_smooth_and_choose_commands(self):
+        out = Recorder("/mobile_base/commands/velocity", Twist).connected()
+        active = Recorder("/cmd_vel_mux/active", String).connected()
+        self.addCleanup(out.close)
+        self.addCleanup(active.close)
+        navi, teleop = (rospy.Publisher(name, Twist, queue_size=10)
+                        for name in ("/navigation_velocity_smoother/raw_cmd_vel", "/cmd_vel_mux/input/teleop"))
+        for publisher in (navi, teleop):
+            wait_until(publisher.get_num_connections, "a subscriber of %s" % publisher.resolved_name)
+
+        def send(publisher, speed):
+            """Publish a command, and let a cycle of the smoother pass."""
+            twist = Twist()
+            twist.linear.x = speed
+            publisher.publish(twist)
+            type(self).now += STEP
+            self.clock.publish(Clock(rospy.Time.from_sec(self.now)))
+
+        def speeds():
+            return [message.linear.x for message in out.messages]
+
+        wait_until(lambda: send(navi, 0.4) or 0.4 in speeds(), "the whole speed")
+        rising = speeds()[:speeds().index(0.4) + 1]
+        self.assertTrue(all(0.0 < later - before < 0.5 * 0.2 + 1e-9 for before, later in zip([0.0] + rising, rising)),
+                        rising)                 # at 10 Hz, with 0.5 m/s^2, or twice as much after a late cycle
+        wait_until(lambda: send(teleop, -0.2) or -0.2 in speeds(), "the command of higher priority")
+        count = len(speeds())
+        for _ in range(20):
+            send(navi, 0.4)
+            send(teleop, -0.2)
+        wait_until(lambda: len(speeds()) > count + 10, "more commands")
+        self.assertEqual(set(speeds()[count:]), {-0.2})
+        active.wait(lambda messages: messages[-1].data == "by hand", "the source of higher priority")
+        wait_until(lambda: send(navi, 0.4) or active.messages[-1].data == "navigation", "the first source")
 
 
 if __name__ == "__main__":

@@ -202,7 +202,8 @@ def test_the_robot_may_have_another_name_and_absolute_path():
 _PARTS = {"carriers.launch", "click_obstacles.launch", "elevation.launch", "foxglove_bridge.launch",
           "image_dump.launch", "live.launch", "record.launch", "robot_range.launch", "rosbridge_websocket.launch",
           "explore_costmap.launch",
-          "teleop.launch", "twist_mux.launch", "32e_points.launch", "64e_S3_points.launch", "VLP-32C_points.launch",
+          "cmd_vel_mux.launch", "teleop.launch", "twist_mux.launch", "velocity_smoother.launch",
+          "32e_points.launch", "64e_S3_points.launch", "VLP-32C_points.launch",
           "VLP16_points.launch"}
 
 

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Choice of velocity commands: the source with the highest priority."""
