@@ -21,7 +21,7 @@ from m2wr_navigation.parameters import read
 
 
 def values(**given):
-    return read(SOURCE_PARAMETERS, given, "~source")[0]
+    return read(SOURCE_PARAMETERS, dict({"clearing": True}, **given), "~source")[0]
 
 
 def points_of(ranges, **given):
@@ -133,6 +133,19 @@ def test_a_sensor_that_never_sent_is_a_fault():
     assert "nothing that could be used" in source.fault(1.1) and "there is no transform" in source.fault(2.0)
     source.add(observation(2.0), 2.0)
     assert source.fault(2.1) == ""
+
+
+def test_a_source_that_only_marks_tells_events_and_may_be_silent():
+    bumper = Source("bump", values(clearing=False, topic="bumper_pointcloud"))
+    assert bumper.fault(1.0) == ""
+    for k in range(20):
+        bumper.add(observation(0.02 * k), 0.02 * k)
+    assert bumper.fault(60.0) == "" and bumper.silence(60.0) == 0.0
+    bumper.refuse(61.0, "there is no transform")
+    assert "there is no transform" in bumper.fault(62.0)
+    timed = Source("bump", values(clearing=False, expected_update_rate=0.5))
+    assert "has sent nothing yet" in timed.fault(1.0)
+    assert "has sent nothing yet" in Source("laser", values(clearing=False, data_type="LaserScan")).fault(1.0)
 
 
 @pytest.mark.parametrize("kind, count, limit", [

@@ -159,14 +159,22 @@ class Source:
         """Longest time between two messages [s].
 
         ``expected_update_rate``, or for a sensor that has sent regularly two of its periods, at least 0.4 s. With
-        fewer messages it is 3 s at least; a single cloud may be all that there is, a single scan is not.
+        fewer messages it is 3 s at least; a single cloud may be all that there is, a single scan is not. A source of
+        events has no limit.
         """
         expected: float = self.values["expected_update_rate"]
         if expected > 0.0:
             return expected
+        if self._tells_events:
+            return math.inf
         if self._count == 0 and (self.values["data_type"] != "LaserScan" or self.arrived == -math.inf):
             return math.inf
         return max(SILENCE if self._count >= _REGULAR else FIRST, _PERIODS * self._period)
+
+    @property
+    def _tells_events(self) -> bool:
+        """Whether the source says only what is there, such as a bumper: with nothing to say it is silent."""
+        return self.values["data_type"] != "LaserScan" and not self.values["clearing"]
 
     def silence(self, now: float) -> float:
         """Return for how long the sensor has been silent [s]; 0 if it is not late."""
@@ -185,7 +193,7 @@ class Source:
         if since > UNUSABLE:
             return "no message on topic {} of source {} could be used for {:.1f} s: {}".format(
                 self.topic, self.name, since, self._refusal)
-        if not self._is_used:
+        if not self._is_used and not (self._tells_events and not self._refusal and math.isinf(self.limit)):
             return "topic {} of source {} has sent nothing{}; without such a sensor, take {} out of " \
                 "observation_sources".format(self.topic, self.name, " that could be used" if self._refusal else " yet",
                                              self.name)
