@@ -98,12 +98,14 @@ NODELETS = """<library path="lib/libbump_nodelets"><class name="bump/Cloud" type
 
 @pytest.mark.parametrize("kind, built, what, cure", [
     ("bump/Cloud", False, "the library libbump_nodelets.so of nodelet bump/Cloud is not there", "build package bump"),
-    ("bump/Cloud", True, "", ""), ("bump/Ghost", True, "package bump has no nodelet bump/Ghost", "bump/Cloud")])
+    ("bump/Cloud", True, "", ""), ("bump/Node", False, "", ""),
+    ("bump/Ghost", True, "package bump has no nodelet bump/Ghost", "bump/Cloud")])
 def test_nodelets_need_their_library(machine, tmp_path, monkeypatch, kind, built, what, cure):
     folder = tmp_path / "bump"
     folder.mkdir()
     (folder / "package.xml").write_text(
-        '<package format="2"><name>bump</name><export><nodelet plugin="${prefix}/n.xml"/></export></package>')
+        '<package format="2"><name>bump</name><export><nodelet plugin="${prefix}/n.xml"/>'
+        '<m2wr_nodelet type="bump/Node" node="bump"/></export></package>')
     (folder / "n.xml").write_text(NODELETS)
     if built:
         (folder / "libbump_nodelets.so").write_text("")

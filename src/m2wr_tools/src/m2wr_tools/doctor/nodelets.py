@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether a nodelet can be loaded: its package declares it, and the C++ library with it is built."""
+"""Whether a nodelet can be loaded: its package declares a C++ library with it that is built, or a node in its place."""
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Iterator, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Iterator, NamedTuple, Optional, Set, Tuple
 
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 from m2wr_tools.doctor.package_sources import how_to_get
@@ -40,13 +40,11 @@ def fault(machine: Machine, packages: PackageList, kind: str) -> Optional[Fault]
     folder = packages.find(package)
     if not folder:
         return Fault("package %s is missing" % package, how_to_get(machine, package))
+    if kind in _stand_ins(folder):
+        return None
     libraries = dict(_declared(folder))
     if kind not in libraries:
-        node = next((path for path in machine.below(folder)
-                     if os.path.basename(path) == package and machine.executable(path)), None)
         return Fault("package %s has no nodelet %s" % (package, kind),
-                     "it has a node that does the same, with the same parameters and remappings: "
-                     "pkg=\"%s\" type=\"%s\"" % (package, package) if node else
                      "correct the name; the package has %s" % (", ".join(sorted(libraries)) or "none"))
     name = os.path.basename(libraries[kind]) + ".so"
     prefixes = [prefix for prefix in machine.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
@@ -56,6 +54,15 @@ def fault(machine: Machine, packages: PackageList, kind: str) -> Optional[Fault]
     return Fault("the library %s of nodelet %s is not there" % (name, kind),
                  "it is C++: build package %s in your workspace, or take the element out of the launch file" % package
                  if not folder.startswith("/usr/") else how_to_get(machine, package))
+
+
+def _stand_ins(folder: str) -> Set[str]:
+    """Return the nodelets in whose place a package declares a node, as m2wr_nodelet reads it."""
+    try:
+        root = parse_xml(read_file(os.path.join(folder, "package.xml")), "package.xml")
+    except (OSError, XmlError):
+        return set()
+    return {entry.get("type") or "" for entry in root.iterfind("export/m2wr_nodelet")}
 
 
 def _declared(folder: str) -> Iterator[Tuple[str, str]]:
