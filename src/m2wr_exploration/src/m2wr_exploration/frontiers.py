@@ -222,17 +222,22 @@ def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Fl
     free, _ = wave_kernels.connected(costs, _NOT_LETHAL, start)
     other, count = frontier_kernels.frontier_groups(costs, np.where(free == 1, np.float32(0), np.float32(np.inf)))
     taken = np.unique(other[(groups > 0) & (other > 0)])
-    made = []
+    reach = CLOSE / costmap.resolution
+    around, made = int(math.ceil(reach)) + 1, []
     for part in _parts(other, count):
         if len(part) * costmap.resolution < least or other[tuple(part[0])] in taken:
             continue
-        some = part[::max(1, len(part) // LOOKS)]
-        counts = frontier_kernels.sight_counts(costs, some, CLOSE / costmap.resolution, RAYS)
-        counts[~np.isfinite(distance)] = 0
-        if (counts * (costmap.costs < WIDE)).any():
-            counts[costmap.costs >= WIDE] = 0
+        low = np.maximum(part.min(axis=0) - around, 0)
+        high = part.max(axis=0) + around + 1
+        window = slice(low[0], high[0]), slice(low[1], high[1])
+        some = part[::max(1, len(part) // LOOKS)] - low
+        counts = frontier_kernels.sight_counts(np.ascontiguousarray(costs[window]), some, reach, RAYS)
+        counts[~np.isfinite(distance[window])] = 0
+        wide = costmap.costs[window] < WIDE
+        if (counts * wide).any():
+            counts[~wide] = 0
         if counts.max() >= IN_SIGHT * len(some):
-            made.append(_frontier(costmap, robot, distance, part, np.argwhere(2 * counts > counts.max()), True))
+            made.append(_frontier(costmap, robot, distance, part, np.argwhere(2 * counts > counts.max()) + low, True))
     return made
 
 
