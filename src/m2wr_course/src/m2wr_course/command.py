@@ -20,6 +20,7 @@ EXERCISES = {
     5: ("world in which Bug 2 meets two walls (.world)", "worlds", "two_walls"),
     6: ("map of world02, of all of it (.yaml)", "maps", "whole_map"),
     7: ("weights with which the robot keeps its distance (.yaml)", "paths", "safe_path"),
+    9: ("Python file with the function choose", "explorations", "short_exploration"),
     10: ("report of a delivery on higher ground (.json)", "deliveries", "all_delivered"),
 }
 

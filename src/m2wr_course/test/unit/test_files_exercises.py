@@ -153,7 +153,7 @@ def test_files_that_cannot_be_tried_end_in_a_sentence(number, tmp_path, capsys):
     (tmp_path / "broken").write_text("<robot name=")
     code, said = check(number, tmp_path / "broken", capsys)
     # a Python file shows the line that cannot be read below the sentence
-    assert code == 2 and said.err.count("\n") == (2 if number == 4 else 1) and "broken" in said.err
+    assert code == 2 and said.err.count("\n") == (2 if number in (4, 9) else 1) and "broken" in said.err
 
 
 def test_a_part_that_differs_is_named_as_it_stands_in_the_file(robot, capsys):
@@ -250,3 +250,27 @@ def test_what_is_no_report_of_a_delivery_is_told(tmp_path, capsys, text):
     path = tmp_path / "delivery.json"
     path.write_text(text)
     assert main(["10", str(path)]) == 2 and "no report" in capsys.readouterr().err
+
+
+def test_the_nearest_frontier_makes_a_short_exploration(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("def choose(paths, sizes):\n    return paths.index(min(paths))\n")
+    code, said = check(9, tmp_path / "mine.py", capsys)
+    assert code == 0 and "ok       its path is" in said.out, said.out
+
+
+@pytest.mark.parametrize("body, words", [
+    ("return paths[0]", "it answers 3.0; expected a whole number from 0 to 0"),
+    ("return len(paths)", "it answers 1; expected a whole number from 0 to 0"),
+    ("return None", "it answers None; expected"),
+    ("return paths.index(5.0)", "one frontier: it raises ValueError")])
+def test_a_rule_that_names_no_frontier_does_not_explore(tmp_path, capsys, body, words):
+    (tmp_path / "mine.py").write_text("def choose(paths, sizes):\n    %s\n" % body)
+    code, said = check(9, tmp_path / "mine.py", capsys)
+    assert code == 1 and words in said.out and "path is" not in said.out
+
+
+def test_a_rule_that_fails_while_it_explores_is_told(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("asked = []\n\n\ndef choose(paths, sizes):\n    asked.append(len(paths))\n"
+                                      "    return 0 if len(asked) < 8 else -1\n")
+    code, said = check(9, tmp_path / "mine.py", capsys)
+    assert code == 1 and "while it explores, it answers -1" in said.out
