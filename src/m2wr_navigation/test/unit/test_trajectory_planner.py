@@ -128,3 +128,32 @@ def test_at_the_goal_it_turns_with_its_limits():
     assert planner.is_goal_reached(situation(free(), plan, (0.0, 0.0, 1.95)))
     assert not planner.is_goal_reached(situation(free(), plan, (0.0, 0.0, 1.95), (0.0, 0.0, 0.05)))
     assert not planner.is_goal_reached(situation(free(), plan, (0.0, 0.0, 2.0 - math.pi)))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_it_does_not_turn_back_to_the_side_from_which_it_came(side):
+    """The plan ends behind, to one side; the robot has turned there and back already."""
+    local = controller()
+    plan = straight((-2.0, 0.3 * side, 0.0))
+    assert side * local.compute(situation(free(), plan)).velocity[2] >= 0.4
+    for rate in (side, -side):
+        local._oscillation.note(np.array([0.0, 0.0, rate]), np.zeros(3), 0.1)
+    command = local.compute(situation(free(), plan))
+    assert command.velocity[0] == 0.0 and side * command.velocity[2] <= -0.4
+    moved = situation(free(), plan, (0.06, 0.0, 0.0))           # farther than oscillation_reset_dist
+    assert side * local.compute(moved).velocity[2] >= 0.4
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_it_does_not_step_back_to_the_side_from_which_it_came(side):
+    """Walls ahead and behind; the plan leads to one side, from which the robot has stepped back already."""
+    costmap = free()
+    for box in ((0.25, -0.5, 0.4, 0.5), (-0.4, -0.5, -0.25, 0.5)):
+        block(costmap, *box)
+    local = controller(holonomic_robot=True, y_vels="0.2,-0.2", min_in_place_vel_theta=1.0, max_vel_theta=0.0,
+                       min_vel_theta=0.0, escape_vel=0.0)
+    seen = situation(costmap, straight((0.0, 2.0 * side, 0.0)), (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(local.compute(seen).velocity, [0.0, 0.2 * side, 0.0])
+    for speed in (side, -side):
+        local._oscillation.note(np.array([0.0, speed, 0.0]), np.zeros(3), 0.1)
+    np.testing.assert_allclose(local.compute(seen).velocity, [0.0, -0.2 * side, 0.0])
