@@ -6,6 +6,8 @@ import pytest
 from m2wr_navigation import registry
 from m2wr_navigation.costmap.observation import Observation
 from m2wr_navigation.kernel_warm_up import compile_kernels, small_costmap
+from m2wr_navigation.methods.method import Sensing
+from m2wr_navigation.parameters import read
 from m2wr_node.kernel_progress import kernels
 from planner_grids import grid, planner, pose
 
@@ -39,4 +41,17 @@ def test_planners_compile_nothing_after_the_warm_up(name, side):
     assert made.plan(grid(costs), start, goal, 0.2).reason == ""
     costs[:, 40] = 254
     assert made.plan(grid(costs), start, goal, 0.2).reason
+    assert compiled() == before
+
+
+def test_a_drive_by_mppi_compiles_nothing_after_the_warm_up():
+    compile_kernels()
+    before = compiled()
+    kind = registry.find(registry.METHODS, "mppi")
+    method = kind(read(kind.PARAMETERS, {"samples": 10}, "mppi")[0])
+    method.begin((5.0, 0.0))
+    for k in range(40):
+        ranges = np.full(90, 6.0, np.float32)
+        ranges[k:k + 20] = 2.0
+        method.step(Sensing(0.1 * k, (0.0, 0.0, 0.0), (0.0, 0.0), ranges, -1.0, 2.0 / 90))
     assert compiled() == before

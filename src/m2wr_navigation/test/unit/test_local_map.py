@@ -12,6 +12,7 @@ from m2wr_navigation.methods.local_map import LocalMap
 from m2wr_navigation.methods.method import Sensing
 from m2wr_navigation.methods.mppi import discs_of
 from m2wr_navigation.methods.mppi_kernels import RolloutSettings, clearance_of, cost_of, reached, sample
+from m2wr_navigation.methods.scan_points import scan_points
 from m2wr_view.outlines import Outline, point_distances
 
 BODY = replace(M2WR, own_parts=(), laser=(0.0, 0.0, 0.0))
@@ -19,7 +20,8 @@ SETTINGS = RolloutSettings(0.05, -0.1, 0.5, 1.0, 0.1, 0.25, 2.0, 0.2, 0.4, 0.04,
 
 
 def scan(ranges, pose=(0.0, 0.0, 0.0)):
-    return Sensing(0.0, pose, (0.0, 0.0), np.asarray(ranges, float), -math.pi, 2.0 * math.pi / len(ranges))
+    sensing = Sensing(0.0, pose, (0.0, 0.0), np.asarray(ranges, float), -math.pi, 2.0 * math.pi / len(ranges))
+    return scan_points(sensing, BODY, 6.0)
 
 
 def wall_ahead(distance=2.0, half=1.0):
@@ -111,8 +113,23 @@ def test_a_collision_costs_more_than_any_way_round():
     distance, to_goal = np.full((100, 100), 5.0, np.float32), np.full((50, 50), 30.0, np.float32)
     corner, state = np.array([-2.5, -2.5, 0.05]), np.array([0.0, 0.0, 0.0, 0.5, 0.0])
     ahead, calm = np.tile((0.5, 0.0), (20, 1)), np.zeros((2, 2), np.float32)
-    free = cost_of(distance, to_goal, corner, discs_of(M2WR), state, ahead, calm, SETTINGS)
+    free = cost_of(distance, to_goal, corner, discs_of(M2WR), np.zeros((0, 5)), state, ahead, calm, SETTINGS)
     assert free == pytest.approx(1.0 + 60.0, abs=0.1)
     distance[:] = np.maximum(0.75 - ((np.arange(100) + 0.5) * 0.05 - 2.5), 0.0)
-    blocked = cost_of(distance, to_goal, corner, discs_of(M2WR), state, ahead, calm, SETTINGS)
+    blocked = cost_of(distance, to_goal, corner, discs_of(M2WR), np.zeros((0, 5)), state, ahead, calm, SETTINGS)
     assert blocked > 900.0
+
+
+@pytest.mark.parametrize("speed, hits", [(-0.3, True), (0.0, False), (0.5, False)])
+def test_a_sample_collides_with_what_moves_where_it_will_be(speed, hits):
+    """The robot drives ahead; an obstacle ahead comes, stands farther than the robot gets, or moves away."""
+    distance, to_goal = np.full((100, 100), 5.0, np.float32), np.full((50, 50), 30.0, np.float32)
+    corner, state = np.array([-2.5, -2.5, 0.05]), np.array([0.0, 0.0, 0.0, 0.5, 0.0])
+    ahead, calm = np.tile((0.5, 0.0), (40, 1)), np.zeros((2, 2), np.float32)
+    movers = np.array([[1.9, 0.0, speed, 0.0, 0.25]])
+    cost = cost_of(distance, to_goal, corner, discs_of(M2WR), movers, state, ahead, calm, SETTINGS)
+    assert (cost > 900.0) == hits
+    movers[0, :4] = 1.0, -1.6, 0.0, 0.8         # across: they meet after 2 s
+    assert cost_of(distance, to_goal, corner, discs_of(M2WR), movers, state, ahead, calm, SETTINGS) > 900.0
+    movers[0, 3] = -0.8
+    assert cost_of(distance, to_goal, corner, discs_of(M2WR), movers, state, ahead, calm, SETTINGS) < 900.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
@@ -15,14 +15,12 @@ from m2wr_navigation.costmap.shift import shifted
 from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.methods.map_kernels import border_target, shade
 from m2wr_navigation.planners import wave_kernels
-from motion_plan.surroundings import own_points
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, Vector
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Vector
     from m2wr_navigation.methods.body import RobotBody
-    from m2wr_navigation.methods.method import Sensing
+    from m2wr_navigation.methods.scan_points import ScanPoints
 
-NEAREST = 0.1               # m: stands for a reading that is too close
 SHARE_INSIDE = 0.2          # of the side: the map moves when the robot is nearer to its edge
 BLOCKED = 200.0             # cost of a place where the robot does not fit, against 1 of a free one: such a place is
 #                             passed in no detour of less than 200 times its depth, and no goal is without a way
@@ -92,32 +90,22 @@ class LocalMap:
             columns, rows = np.rint(away / grid.resolution).astype(int).tolist()
             self.grid = shifted(grid, rows, columns, FREE)
 
-    def look(self, sensing: Sensing) -> None:
+    def look(self, scan: ScanPoints, moving: Optional[BoolArray] = None) -> None:
         """Enter a scan, and compute the distances.
 
         Parameters
         ----------
-        sensing : Sensing
+        scan : ScanPoints
+        moving : (N,) bool, optional
+            Points that are not entered, for what is there moves on.
         """
-        self._follow(*sensing.pose[:2])
-        ahead, left, turn = self._body.laser
-        readings = np.asarray(sensing.ranges, float)
-        angles = sensing.angle_min + turn + sensing.angle_increment * np.arange(len(readings))
-        known = ~np.isnan(readings)
-        readings, angles = np.maximum(readings[known], NEAREST), angles[known]
-        seen = readings < self._reach
-        readings = np.minimum(readings, self._reach)
-        x, y = ahead + readings * np.cos(angles), left + readings * np.sin(angles)
-        foreign = ~own_points(x, np.abs(y), self._body.own_parts)
-        cosine, sine = math.cos(sensing.pose[2]), math.sin(sensing.pose[2])
-        ends = np.column_stack([sensing.pose[0] + cosine * x - sine * y, sensing.pose[1] + sine * x + cosine * y,
-                                np.zeros(len(x))])
-        place = np.array([sensing.pose[0] + cosine * ahead - sine * left,
-                          sensing.pose[1] + sine * ahead + cosine * left, 0.0])
+        self._follow(float(scan.laser[0]), float(scan.laser[1]))
+        hits = scan.hits if moving is None else scan.hits & ~moving
+        ends, place = np.zeros((len(scan.ends), 3)), np.array([scan.laser[0], scan.laser[1], 0.0])
+        ends[:, :2] = scan.ends
         grid, bounds = self.grid, no_bounds()
-        obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends[foreign], place, self._reach, bounds)
-        obstacle_kernels.mark(grid.costs, grid.resolution, grid.origin, ends[foreign & seen], place, math.inf, 0.0,
-                              0.0, bounds)
+        obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends, place, self._reach, bounds)
+        obstacle_kernels.mark(grid.costs, grid.resolution, grid.origin, ends[hits], place, math.inf, 0.0, 0.0, bounds)
         distance_transform(grid.costs == LETHAL, self._clearance / grid.resolution, self.distance)
         self.distance *= grid.resolution
 

@@ -4,7 +4,8 @@
 2000 sequences of 56 commands of 0.05 s are rolled out in each cycle; their mean, weighted by exp(-cost / lambda), is
 the next sequence. Each pose is checked with the robot's outline, as discs on the distances of the map. The rest of the
 way, from the end of a sample to the goal, is that around all obstacles on the map, so no obstacle that was seen is a
-local minimum. Not complete: patience ends the drive.
+local minimum. What moves is no part of the map: a sample is checked with where it will be then. Not complete: patience
+ends the drive.
 """
 from __future__ import annotations
 
@@ -15,6 +16,8 @@ import numpy as np
 from m2wr_navigation.methods import mppi_kernels
 from m2wr_navigation.methods.local_map import LocalMap
 from m2wr_navigation.methods.method import COMMON, Decision, Method, View
+from m2wr_navigation.methods.moving import MovingObstacles
+from m2wr_navigation.methods.scan_points import scan_points
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -49,6 +52,7 @@ class Mppi(Method):
         "map_side": Parameter(20.0, "m", 2.0, 100.0, "side of the map that is kept"),
         "map_resolution": Parameter(0.05, "m", 0.01, 0.5, "side of its cells"),
         "map_sight": Parameter(6.0, "m", 0.5, 30.0, "readings of the laser beyond are not entered in the map"),
+        "predict": Parameter(True, "", 0, 1, "look ahead to where obstacles that move will be"),
         "seed": Parameter(0, "", 0, 2 ** 31 - 1, "of the disturbances"),
     })
 
@@ -57,6 +61,8 @@ class Mppi(Method):
         self._random = np.random.default_rng(values["seed"])
         self._nominal = np.zeros((values["horizon"], 2))
         self._discs = discs_of(body)
+        duration = values["horizon"] * values["step"]
+        self._moving = MovingObstacles(duration, values["near"] / duration)     # slower ones come no nearer than that
         self._map = LocalMap(body, values["map_side"], values["map_resolution"], values["map_sight"],
                              max(body.turning_radius, self._discs[0, 2]) + values["near"])
 
@@ -74,13 +80,15 @@ class Mppi(Method):
         values, settings = self.values, self._settings(view.goal_distance)
         if len(self._nominal) != values["horizon"]:
             self._nominal = np.zeros((values["horizon"], 2))
-        self._map.look(view.sensing)
+        scan = scan_points(view.sensing, self.body, values["map_sight"])
+        self._map.look(scan, self._moving.update(scan) if values["predict"] else None)
+        moving = self._moving.moving
         self._map.aim(self.goal)
         state = np.array([view.x, view.y, view.yaw, *view.velocity])
         arcs = _arcs(settings)[:values["samples"] // 2]
         noise = self._random.standard_normal((values["samples"], KNOTS, 2), np.float32)
         noise[len(arcs)] = 0.0
-        grids = (self._map.distance, self._map.to_goal, self._map.corner, self._discs, state)
+        grids = (self._map.distance, self._map.to_goal, self._map.corner, self._discs, moving, state)
         costs = mppi_kernels.costs_of(*grids, self._nominal, arcs, noise, settings)
         mean = mppi_kernels.weighted_mean(self._nominal, arcs, noise, costs, values["temperature"], settings)
         best = int(np.argmin(costs))
@@ -90,7 +98,7 @@ class Mppi(Method):
         v, w = view.velocity        # the robot gets no command that it cannot follow: its wheels would slip
         linear, angular = mppi_kernels.reached(v, w, mean[0, 0], mean[0, 1], settings)
         self._nominal[:-1], self._nominal[-1] = mean[1:], mean[-1]
-        if costs[best] >= mppi_kernels.COLLISION / 2.0:
+        if costs[best] >= mppi_kernels.COLLISION / 2.0 and not len(moving):
             self._nominal[:] = 0.0
             return Decision(0.0, angular if view.velocity[0] < 0.01 else 0.0, reason="all samples collide")
         return Decision(linear, angular, reason="least cost {:.1f} s".format(float(costs[best])))

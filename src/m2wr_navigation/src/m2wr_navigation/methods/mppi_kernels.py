@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
 
 CHECKED = 0.08, 0.15        # m, rad: a sample is checked after each such way or turn
+LOOKS = 0.2                 # s: and after each such time, where something moves
 COLLISION = 1000.0          # s: cost of a sample that collides, less the time until then
 
 
@@ -112,6 +113,34 @@ def clearance_of(distance: Float32Array, corner: FloatArray, discs: FloatArray, 
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def apart_from(movers: FloatArray, discs: FloatArray, x: float, y: float, yaw: float, time: float,
+               enough: float) -> float:
+    """Return the least distance of the robot from what moves, negative inside [m]; where it is large, infinite.
+
+    Parameters
+    ----------
+    movers : (M, 5) float64
+        x, y [m], velocity [m/s], and radius [m].
+    discs, x, y, yaw, enough
+        As of :func:`clearance_of`.
+    time : float
+        Since the movers were there [s].
+    """
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    least = np.inf
+    for m in range(movers.shape[0]):
+        across = movers[m, 0] + time * movers[m, 2] - x
+        up = movers[m, 1] + time * movers[m, 3] - y
+        ahead, left = cosine * across + sine * up, cosine * up - sine * across      # in the robot's frame
+        radius = movers[m, 4]
+        if math.hypot(ahead - discs[0, 0], left - discs[0, 1]) - discs[0, 2] - radius >= enough:
+            continue
+        for k in range(1, discs.shape[0]):
+            least = min(least, math.hypot(ahead - discs[k, 0], left - discs[k, 1]) - discs[k, 2] - radius)
+    return least
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def command_of(nominal: FloatArray, knots: Float32Array, t: int, settings: RolloutSettings) -> Tuple[float, float]:
     """Return a disturbed command within the limits.
 
@@ -150,8 +179,9 @@ def reached(v: float, w: float, to_v: float, to_w: float, settings: RolloutSetti
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray, state: FloatArray,
-            nominal: FloatArray, knots: Float32Array, settings: RolloutSettings) -> float:
+def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
+            movers: FloatArray, state: FloatArray, nominal: FloatArray, knots: Float32Array,
+            settings: RolloutSettings) -> float:
     """Return the cost of a disturbed sequence of commands [s].
 
     It is the time on the way, the time that the rest of the way would take at the greatest speed, what nearness to
@@ -165,6 +195,8 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
         See :func:`sample`.
     discs : (N, 3) float64
         See :func:`clearance_of`.
+    movers : (M, 5) float64
+        See :func:`apart_from`.
     state : (5,) float64
         Axle, heading, and velocities now [m, m, rad, m/s, rad/s].
     nominal : (T, 2) float64
@@ -174,6 +206,9 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
     x, y, yaw, v, w = state[0], state[1], state[2], state[3], state[4]
     # where the robot is too near already it has to get no nearer
     least = min(settings.margin, clearance_of(distance, corner, discs, x, y, yaw, settings.near) - 1e-3)
+    apart = apart_from(movers, discs, x, y, yaw, 0.0, settings.near)
+    least_apart = min(settings.margin, apart - 1e-3)
+    looks = max(1, int(LOOKS / settings.step))
     total, length = 0.0, nominal.shape[0]
     clearance = ahead = turned = np.inf
     for t in range(length):
@@ -187,13 +222,16 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
         if ahead >= CHECKED[0] or turned >= CHECKED[1] or t == length - 1:
             clearance = clearance_of(distance, corner, discs, x, y, yaw, settings.near)
             ahead = turned = 0.0
-        if clearance < least:
+        if movers.shape[0] and (ahead == 0.0 or t % looks == 0):
+            apart = apart_from(movers, discs, x, y, yaw, (t + 1) * settings.step, settings.near)
+        if clearance < least or apart < least_apart:
             return COLLISION + total - 2.0 * t * settings.step
         total += settings.step + settings.turn_weight * abs(w) * settings.step
         if v < 0.0:
             total += settings.back_weight * settings.step
-        if clearance < settings.near:
-            share = (settings.near - clearance) / settings.near
+        nearest = min(clearance, apart)
+        if nearest < settings.near:
+            share = (settings.near - nearest) / settings.near
             total += settings.near_weight * share * share * (0.1 + abs(v) / settings.most_v) * settings.step
         total += settings.gamma * settings.step * (
             nominal[t, 0] * (to_v - nominal[t, 0]) / settings.deviation_v ** 2
@@ -204,13 +242,14 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray, state: FloatArray,
-             nominal: FloatArray, arcs: FloatArray, noise: Float32Array, settings: RolloutSettings) -> FloatArray:
+def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
+             movers: FloatArray, state: FloatArray, nominal: FloatArray, arcs: FloatArray, noise: Float32Array,
+             settings: RolloutSettings) -> FloatArray:
     """Return the cost (K,) of each sample [s].
 
     Parameters
     ----------
-    distance, to_goal, corner, discs, state, nominal, settings
+    distance, to_goal, corner, discs, movers, state, nominal, settings
         As of :func:`cost_of`.
     arcs : (A, 2) float64
         The first samples: constant commands [m/s, rad/s].
@@ -224,9 +263,9 @@ def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, 
         if k < arcs.shape[0]:
             constant[:, 0] = arcs[k, 0]
             constant[:, 1] = arcs[k, 1]
-            costs[k] = cost_of(distance, to_goal, corner, discs, state, constant, calm, settings)
+            costs[k] = cost_of(distance, to_goal, corner, discs, movers, state, constant, calm, settings)
         else:
-            costs[k] = cost_of(distance, to_goal, corner, discs, state, nominal, noise[k], settings)
+            costs[k] = cost_of(distance, to_goal, corner, discs, movers, state, nominal, noise[k], settings)
     return costs
 
 
