@@ -48,6 +48,21 @@ RESULTS = {GoalStatus.SUCCEEDED: "succeeded", GoalStatus.ABORTED: "aborted", Goa
            GoalStatus.PREEMPTED: "preempted", GoalStatus.RECALLED: "preempted", GoalStatus.LOST: "aborted"}
 
 
+def _size(costmap: Costmap) -> FloatArray:
+    """Return the length (2,) of the sides of a map [m]."""
+    return costmap.resolution * np.array([costmap.columns, costmap.rows])
+
+
+def _extent(costmap: Costmap) -> str:
+    (left, bottom), (right, top) = costmap.origin, costmap.origin + _size(costmap)
+    return "x {:.1f} to {:.1f} m, y {:.1f} to {:.1f} m".format(left, right, bottom, top)
+
+
+def _shrinks(last: Costmap, new: Costmap) -> bool:
+    """Return whether a side of a map is shorter by more than a cell; one that only moves does not shrink."""
+    return bool((_size(new) < _size(last) - max(last.resolution, new.resolution)).any())
+
+
 class MapInput:
     """The map from a topic and its changes; what cannot be used is told with its reason."""
 
@@ -75,7 +90,10 @@ class MapInput:
         data = np.asarray(message.data, np.int8).reshape(info.height, info.width)
         made = Costmap(costs_of_occupancy(data), float(info.resolution), place, message.header.frame_id)
         with self._lock:
-            self.costmap = made
+            last, self.costmap = self.costmap, made
+        if last is not None and _shrinks(last, made):
+            rospy.logwarn_throttle(TELL, "the map on %s has shrunk from %s to %s; what is outside is unknown again" % (
+                self.topic, _extent(last), _extent(made)))
         return None
 
     def _refuse(self, reason: str) -> None:
