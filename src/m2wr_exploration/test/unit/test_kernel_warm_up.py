@@ -11,13 +11,15 @@ from m2wr_node.kernel_progress import kernels
 
 
 def compiled():
-    return {name: len(kernel.signatures) for name, kernel in kernels("m2wr_exploration").items()}
+    """Return the signatures of each kernel; those of a module's own are part of the ones that call them."""
+    return {name: len(kernel.signatures) for name, kernel in kernels("m2wr_exploration").items()
+            if not name.rpartition(".")[2].startswith("_")}
 
 
 def test_exploration_compiles_nothing_after_the_warm_up():
     compile_kernels()
     before = compiled()
-    assert len(before) == 8 and all(before.values())
+    assert len(before) == 10 and all(before.values())
     values = read(PARAMETERS, {"robot_radius": 0.3, "min_frontier_size": 0.0}, "~")[0]
     for name in STRATEGIES:
         kind, world = find(name), World("........\n" * 8)

@@ -2,6 +2,7 @@
 """Small forms of what ``accuracy`` measures."""
 import json
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from m2wr_navigation.accuracy import command, scenes
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals, search
 from m2wr_navigation.barn.runs import move_base_parameters
+from m2wr_navigation.costmap.cost_layout import LETHAL
 
 CONFIG = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "config", "m2wr.yaml")
 
@@ -63,3 +65,14 @@ def test_old_names_of_a_controllers_parameters_count():
     given = move_base_parameters()
     values = Navigator(None, given, np.zeros(3)).supervisor.controller.values
     assert (values["path_distance_bias"], values["goal_distance_bias"]) == (0.75, 1.0)      # pdist_scale, gdist_scale
+
+
+def test_other_robots_are_obstacles_for_the_controller():
+    found = Navigator(None, move_base_parameters(), np.zeros(3))
+    seen = []
+    found.supervisor.cycle = lambda now, situation, late: seen.append(situation.costmap) or SimpleNamespace(messages=())
+    found.maps["local"].update(np.zeros(3), 0.0)
+    for others in ((), (np.array([(0.8, -0.2), (1.2, -0.2), (1.2, 0.2), (0.8, 0.2)]),), ()):
+        found.others = others
+        found.cycle(0.0, np.zeros(3))
+    assert [grid.cost_at(1.0, 0.0) == LETHAL for grid in seen] == [False, True, False]

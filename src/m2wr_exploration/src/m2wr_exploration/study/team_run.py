@@ -13,7 +13,9 @@ from m2wr_exploration.frontiers import distances
 from m2wr_exploration.study.run import LIMIT, PERIOD, Drive, sight
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.merging import merge
+from m2wr_exploration.team.right_of_way import allowed
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_navigation.costmap.footprint import placed
 from m2wr_sim.api import Sim
 
 if TYPE_CHECKING:
@@ -22,12 +24,12 @@ if TYPE_CHECKING:
     from m2wr_exploration.study.scenes import Place
     from m2wr_gmapping.array_types import FloatArray, Int8Array
 
-APART = 1.1             # m: between two robots at the start, as in robots.launch
+APART = 1.5             # m: between two robots at the start; there a third one that drives straight fits between them
 WIDE = 100              # cost above which no robot starts
 BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
 MERGED_EVERY = 1.0      # s
-GIVE_WAY = 1.3          # m: of two robots that drive and are nearer, that with the greater number stops
-PATIENCE = 10.0         # s: so long at most; then it continues, and the other one may be what blocks it
+STANDS = 5.0            # s: without a move of MOVED, until a robot that drives counts as one that waits
+MOVED = 0.1             # m
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,9 @@ class _Team:
         self.ended = [False] * len(drives)
         self.curve: List[Tuple[float, float]] = []
         self._merged = -math.inf
-        self._waits = [-math.inf] * len(drives)
+        self._moved = [(-math.inf, np.full(2, np.inf)) for _ in drives]     # time and place of the last move
+        self._stands = [False] * len(drives)
+        self._outline = drives[0].navigator.maps["local"].footprint
         self._known = self.merged()
 
     def step(self, seen: Sequence[Sight]) -> None:
@@ -107,6 +111,9 @@ class _Team:
         places = np.array([each.pose[:2] for each in seen])
         for number, drive in enumerate(self.drives):
             drive.look(seen[number], np.delete(places, number, axis=0))
+            if np.hypot(*(places[number] - self._moved[number][1])) > MOVED:
+                self._moved[number] = seen[number].time, places[number]
+            self._stands[number] = seen[number].time - self._moved[number][0] > STANDS
         if seen[0].time - self._merged >= MERGED_EVERY:
             self._merged = seen[0].time
             self._known = self.merged()
@@ -117,19 +124,15 @@ class _Team:
                 self.ended[number] = drive.decide(seen[number], self._occupancy(number, places), others)
 
     def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
-        """Return the commands of all robots; of two that are near to each other one gives way."""
-        given = [drive.command(each) for drive, each in zip(self.drives, seen)]
-        for number in range(1, len(seen)):
-            near = any(self.drives[other].driving and GIVE_WAY > np.hypot(
-                *(seen[other].pose[:2] - seen[number].pose[:2])) for other in range(number))
-            now = seen[number].time
-            if not near:
-                self._waits[number] = math.inf
-            elif not math.isfinite(self._waits[number]):
-                self._waits[number] = now
-            if near and now - self._waits[number] < PATIENCE:
-                given[number] = (0.0, 0.0)
-        return given
+        """Return the commands of all robots, the first robot with the highest priority."""
+        poses = [each.pose for each in seen]
+        outlines = [placed(self._outline, pose) for pose in poses]
+        wanted = []
+        for number, (drive, each) in enumerate(zip(self.drives, seen)):
+            drive.navigator.others = outlines[:number] + outlines[number + 1:]
+            wanted.append(drive.command(each))
+        velocities = [np.array([each.odometry.linear_x, each.odometry.angular_z]) for each in seen]
+        return allowed(poses, velocities, wanted, self._outline, PERIOD)
 
     def _target(self, number: int) -> Any:
         target = self.drives[number].explorer.target
@@ -138,14 +141,14 @@ class _Team:
         return None if target is None else target.centre
 
     def _occupancy(self, number: int, places: FloatArray) -> Int8Array:
-        """Return the merged map for a robot: the others that wait are obstacles, those that drive are not."""
+        """Return the merged map for a robot: the others that wait or stand are obstacles, those that drive are not."""
         known = self._known
         occupancy = np.zeros(known.shape, np.int8)
         occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
         reach = int(math.ceil(BODY / known.resolution))
         for other, drive in enumerate(self.drives):
             cell = known.cell(*places[other])
-            if other != number and not drive.driving and cell is not None:
+            if other != number and (self._stands[other] or not drive.driving) and cell is not None:
                 rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
                 occupancy[rows, columns] = 100
         return occupancy

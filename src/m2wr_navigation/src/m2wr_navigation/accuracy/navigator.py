@@ -10,12 +10,14 @@ import numpy as np
 from m2wr_gmapping.se2 import compose
 from m2wr_navigation import registry
 from m2wr_navigation.controllers.controller import Situation
+from m2wr_navigation.costmap.cost_layout import LETHAL
 from m2wr_navigation.costmap.costmap_parameters import (
     COSTMAP_PARAMETERS,
     footprint_of,
     layer_settings,
     source_settings,
 )
+from m2wr_navigation.costmap.footprint_kernels import fill_polygon
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import Observation, Source, scan_points, transformed
 from m2wr_navigation.costmap.obstacle_layer import ObstacleLayer
@@ -103,6 +105,7 @@ class Navigator(Costmaps):
         self._plan: FloatArray = np.zeros((1, 3))
         self._planned = self._updated = -math.inf
         self.messages: List[str] = []
+        self.others: Sequence[FloatArray] = ()      # (K, 2) m: outlines of other robots; obstacles for the controller
 
     @staticmethod
     def _made(table: Dict[str, str], name: str, given: Mapping[str, Any]) -> Any:
@@ -172,8 +175,11 @@ class Navigator(Costmaps):
             found: Plan = self.planner.plan(self.maps["global"].snapshot(), self._pose, self._goal)
             self.messages += self.supervisor.take_plan(self._number, found, now)
             self._plan = found.poses if len(found.poses) else self._plan
+        local = self.maps["local"].snapshot().copy() if len(self.others) else self.maps["local"].snapshot()
+        for corners in self.others:
+            fill_polygon(local.costs, local.resolution, local.origin, corners, LETHAL)
         outcome = self.supervisor.cycle(now, Situation(
-            now, self.period, self._pose, np.asarray(velocity, float), self._plan, self.maps["local"].snapshot(),
+            now, self.period, self._pose, np.asarray(velocity, float), self._plan, local,
             self.maps["local"].footprint), [])
         self.messages += ["{:.1f} s: {}".format(now, text) for text in outcome.messages]
         return outcome
