@@ -10,7 +10,7 @@ ROWS = [{"place": 0, "robots": 2, "share": 1.0, "enough": 50.0, "time": 60.0, "c
 
 
 def test_a_line_has_the_time_against_one_robot():
-    assert line(2, ROWS, {0: 100.0}).split() == ["2", "1", "of", "1", "1", "50", "0.50", "11.0"]
+    assert line(2, ROWS, {0: 100.0}).split() == ["2", "1", "of", "1", "1", "50", "0.50", "(0.50", "to", "0.50)", "11.0"]
 
 
 def test_a_run_that_was_lost_counts_as_not_complete():

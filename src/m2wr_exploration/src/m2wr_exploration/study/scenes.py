@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 #: Generators of buildings, with values that differ from their defaults.
 BUILDINGS: Tuple[Tuple[str, Dict[str, float]], ...] = (("office", {}), ("rooms", {}), ("maze", {"cells": 4}))
-#: Larger ones, for several robots.
-LARGE: Tuple[Tuple[str, Dict[str, float]], ...] = (("office", {"rooms": 6}), ("maze", {"cells": 8}))
+#: Larger ones, for several robots: two that turn have room beside each other.
+LARGE: Tuple[Tuple[str, Dict[str, float]], ...] = (
+    ("office", {"rooms": 9, "room": 5.0, "corridor": 3.0, "door": 1.6}),
+    ("maze", {"cells": 12, "width": 2.4, "opened": 0.2}))
 ROOM = TURNING_RADIUS + 0.05  # m: the disc in which the robot turns, and a cell: obstacles on a grid are larger
 STARTS = {"world01": (0.0, 8.0, 0.0), "world02": (0.0, 8.0, 0.0), "world03": (0.0, 8.0, 0.0),
           "unreachable": (0.0, 8.0, 0.0), "house": (0.0, 0.0, 0.0)}

@@ -31,7 +31,7 @@ MOST = 16                   # robots
 ENOUGH = 0.99               # of the reachable area
 TIME_LIMIT = 3600.0         # s of wall time for a run
 STRATEGY = "tour"           # of a robot that is alone
-_HEAD = "%6s %10s %9s %18s %14s %16s" % (
+_HEAD = "%6s %10s %9s %18s %20s %16s" % (
     "robots", ">= 99 %", "contacts", "s to 99 %, median", "of one robot", "m each, median")
 
 
@@ -84,7 +84,7 @@ def lost(task: Task, reason: str, log: str, wall: float) -> Dict[str, Any]:
 
 
 def line(robots: int, rows: Sequence[Mapping[str, Any]], alone: Mapping[int, float]) -> str:
-    """Return a line of the table.
+    """Return a line of the table; the time against one robot as median, least and greatest of the places.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ def line(robots: int, rows: Sequence[Mapping[str, Any]], alone: Mapping[int, flo
     """
     full = [row for row in rows if math.isfinite(row["enough"])]
     ratios = [row["enough"] / alone[row["place"]] for row in full if math.isfinite(alone.get(row["place"], math.inf))]
-    return "%6d %10s %9d %18s %14s %16s" % (
+    return "%6d %10s %9d %18s %20s %16s" % (
         robots, "%d of %d" % (len(full), len(rows)), sum(row["contacts"] for row in rows),
         "%.0f" % np.median([row["enough"] for row in full]) if full else "",
-        "%.2f" % np.mean(ratios) if ratios else "",
+        "%.2f (%.2f to %.2f)" % (np.median(ratios), min(ratios), max(ratios)) if ratios else "",
         "%.1f" % np.median([length for row in full for length in row["lengths"]]) if full else "")
 
 
@@ -147,9 +147,9 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
     with closing(pool.rows(tasks, TIME_LIMIT)) as results:
         for row in results:
             rows.append(row)
-            if row["share"] < ENOUGH or row["contacts"]:
-                print("%s, %d robots: %.1f %% of %.0f m^2 seen, %d contacts" % (
-                    row["world"], row["robots"], 100.0 * row["share"], row["area"], row["contacts"]))
+            print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
+                row["world"], row["robots"], 100.0 * row["share"], row["area"], row["enough"], row["contacts"]),
+                flush=True)         # each takes a minute
     alone = {row["place"]: row["enough"] for row in rows if row["robots"] == numbers[0]}
     print(_HEAD.replace("of one robot", "of %d" % numbers[0] if numbers[0] > 1 else "of one robot"))
     for robots in numbers:
