@@ -96,6 +96,7 @@ def plain_numpy(monkeypatch):
     def switch():
         monkeypatch.setattr(laser, "_cast_rays", rays_numpy.cast_rays_numpy)
         monkeypatch.setattr(laser, "_cast_meshes", rays_numpy.cast_meshes_numpy)
+        monkeypatch.setattr(laser, "_cast_heights", rays_numpy.cast_heights_numpy)
     return switch
 
 

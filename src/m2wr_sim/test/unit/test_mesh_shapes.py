@@ -260,10 +260,11 @@ def test_large_heightmap_is_sampled_less_or_rejected(folder, monkeypatch):
     assert shapes == [] and "9 x 9 pixels; expected at most 50 cells" in note
 
 
-def test_the_usual_size_of_gazebo_is_read(folder):
-    picture(folder, np.zeros((1025, 1025), np.uint8))
+@pytest.mark.parametrize("side", [1025, 4097])
+def test_the_usual_sizes_of_gazebo_are_read(folder, side):
+    picture(folder, np.zeros((side, side), np.uint8))
     (shape,), notes = load(folder, heightmap("<size>1 1 2</size><sampling>1</sampling>"))
-    assert shape.heights.shape == (1025, 1025) and notes == ()
+    assert shape.heights.shape == (side, side) and notes == ()
 
 
 @pytest.mark.parametrize("content, said", [(None, "no such file"), (b"no picture", "expected a picture"),

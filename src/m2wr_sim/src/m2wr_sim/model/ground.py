@@ -80,7 +80,7 @@ def ground_of(shapes: Sequence[Tuple[Geometry, Pose]], most: int) -> List[Ground
     parts: List[Tuple[Floats, Indices]] = []
     for geometry, pose in shapes:
         if isinstance(geometry, Heightmap):
-            points, triangles = _sampled(geometry, most)
+            points, triangles = sampled(geometry, most)
         else:
             assert isinstance(geometry, Mesh)
             points, triangles = geometry.vertices, geometry.triangles.astype(np.int64)
@@ -97,8 +97,20 @@ def ground_of(shapes: Sequence[Tuple[Geometry, Pose]], most: int) -> List[Ground
             for (points, triangles), start in zip(parts, starts)]
 
 
-def _sampled(field: Heightmap, most: int) -> Tuple[Floats, Indices]:
-    """Return corners and triangles of every k-th sample of a heightmap, the last ones always."""
+def sampled(field: Heightmap, most: int) -> Tuple[Floats, Indices]:
+    """Return the triangles of every k-th sample of a heightmap, the last ones always.
+
+    Parameters
+    ----------
+    field : Heightmap
+    most : int
+        Triangles, about.
+
+    Returns
+    -------
+    (n, 3) float64, (m, 3) int64
+        Corners in the frame of the collision [m], and triangles.
+    """
     rows, columns = field.heights.shape
     step = 1
     while 2 * -(-(rows - 1) // step) * -(-(columns - 1) // step) > most:

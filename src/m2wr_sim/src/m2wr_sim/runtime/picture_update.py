@@ -10,6 +10,7 @@ import numpy as np
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.geometry import compose, rotate
+from m2wr_sim.model.ground import sampled
 from m2wr_sim.model.materials import colour_of_name
 from m2wr_sim.model.mesh.surfaces import plain_surface, read_surface_file
 from m2wr_sim.model.mesh.textures import find_script, read_texture
@@ -35,6 +36,7 @@ TERRAIN = (0.45, 0.42, 0.36)
 SKY = ((0.80, 0.86, 0.92), (0.33, 0.52, 0.80))      # at the horizon, overhead
 WITHOUT_COLOUR = (1.0, 1.0, 1.0)
 _MOST_LIGHTS = 16
+_MOST_TRIANGLES = 2 * 1024 * 1024      # of a heightmap, of which pictures show every k-th sample above that; 0.5 GB
 
 #: Row of the scene, the engine's number of the link, pose of the shape in the link frame.
 _Place = Tuple[int, int, "Pose"]
@@ -137,8 +139,8 @@ class PictureUpdate:
                 self._tell("%s is not in pictures: %s" % (where, error))
         for collision in link.collisions:       # its visual names the same picture
             if isinstance(collision.geometry, Heightmap):
-                surface = plain_surface(corners_of(collision.geometry), TERRAIN)
-                found.append((Part(layout.MESH, surface), collision.pose))
+                points, triangles = sampled(collision.geometry, _MOST_TRIANGLES)
+                found.append((Part(layout.MESH, plain_surface(points[triangles], TERRAIN)), collision.pose))
         return found
 
     def _part(self, where: str, visual: Visual) -> Tuple[Part, Pose]:

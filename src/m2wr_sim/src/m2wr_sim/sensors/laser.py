@@ -14,16 +14,17 @@ from typing import TYPE_CHECKING, Hashable, Optional, Tuple
 import numpy as np
 
 from m2wr_sim.geometry import IDENTITY
-from m2wr_sim.model.types import Mesh, RayScan, Sphere
-from m2wr_sim.sensors import listing_kernels, mesh_kernels, reading_kernels
+from m2wr_sim.model.types import Heightmap, Mesh, RayScan, Sphere
+from m2wr_sim.sensors import height_ray_kernels, listing_kernels, mesh_kernels, reading_kernels
 from m2wr_sim.sensors import packed_kernels as packed
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.noise import NoiseModel
 from m2wr_sim.sensors.ray_scene import RayScene
-from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
+from m2wr_sim.sensors.rays_numpy import cast_heights_numpy, cast_meshes_numpy, cast_rays_numpy
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
 _cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
+_cast_heights = height_ray_kernels.cast_heights if kernels.HAVE_NUMBA else cast_heights_numpy
 _FEW_SHAPES = 500         # up to so many, looking at all of them in each scan is faster than keeping a list
 _MARGIN = 2.0             # m: a list of the shapes nearby serves until the sensor has moved so far
 FARTHEST_ANGLE = 1e4      # rad; beyond, the float32 of a message does not resolve a milliradian
@@ -146,7 +147,7 @@ class LaserSensor:
             self._prepare(scene)
         if scene.count > _FEW_SHAPES:
             self._list_near(scene)
-        if self._block is None or scene.has_retro or scene.forest:
+        if self._block is None or scene.has_retro or scene.forest or scene.grounds:
             self._cast_in_steps(scene)
         else:
             packed.scan(self._block)
@@ -182,7 +183,7 @@ class LaserSensor:
             self._block[packed.S_NEAR], self._block[packed.S_NEAR_COUNT] = self._near.ctypes.data, found
 
     def _cast_in_steps(self, scene: RayScene) -> None:
-        """Take a scan with separate kernels: for meshes, reflecting shapes, or readings between rays."""
+        """Take a scan with separate kernels: for meshes, heightmaps, reflecting shapes, or readings between rays."""
         frame, hits = self._frame, self._hits if scene.has_retro else self._no_hits
         found = _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
                            scene.order, self._near)
@@ -190,6 +191,9 @@ class LaserSensor:
             forest = scene.forest.pack()
             _cast_meshes(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
                          scene.order, found, forest.nodes, forest.triangles, forest.trees)
+        for row, ground in scene.grounds.items():
+            _cast_heights(self._distances, hits, row, self._beams, self._rows, frame, scene.spheres[:, row],
+                          scene.shapes[row], ground.heights, ground.blocks, ground.levels, ground.frame)
         distances = self._distances if self._blend is None else self._blended(self._distances)
         reading_kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
 
@@ -232,6 +236,7 @@ def warm_up(rng: np.random.Generator) -> None:
     sensor.cast(scene, IDENTITY)
     sensor._list_near(scene)
     scene.add(Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), IDENTITY, "warm_up")
+    scene.add(Heightmap(np.zeros((2, 2))), IDENTITY, "warm_up")
     sensor.cast(scene, IDENTITY)
 
 

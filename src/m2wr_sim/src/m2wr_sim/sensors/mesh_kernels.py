@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ray casting of a laser scanner on triangle meshes and heightmaps.
+"""Ray casting of a laser scanner on triangle meshes.
 
 All arguments are plain arrays.  ``frame``, ``beams``, ``rows``, ``spheres`` and ``shapes`` have the layouts of
 :mod:`m2wr_sim.sensors.ray_kernels`.  The others are:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bounding volume trees of meshes and heightmaps, for :mod:`m2wr_sim.sensors.mesh_kernels`."""
+"""Bounding volume trees of meshes, for :mod:`m2wr_sim.sensors.mesh_kernels`."""
 from __future__ import annotations
 
 import weakref
@@ -57,7 +57,7 @@ def corners_of(geometry: Geometry) -> Floats:
 
 
 def build_tree(geometry: Geometry) -> Tree:
-    """Build the tree of a Mesh or Heightmap.
+    """Build the tree of a Mesh.
 
     The triangles are sorted along a Z-order (Morton) curve through their centres.  Groups of at most :data:`LEAF`
     neighbours are the leaves of a complete binary tree of bounding boxes.
@@ -101,11 +101,11 @@ def _curve(points: Floats, extent: float) -> NDArray[np.uint64]:
     return place
 
 
-_trees: "weakref.WeakKeyDictionary[Any, Tree]" = weakref.WeakKeyDictionary()    # Mesh or Heightmap in use -> Tree
+_trees: "weakref.WeakKeyDictionary[Any, Tree]" = weakref.WeakKeyDictionary()    # Mesh in use -> Tree
 
 
 def tree_of(geometry: Geometry) -> Tree:
-    """Return the tree of a Mesh or Heightmap. It is built at the first use; other threads may call this.
+    """Return the tree of a Mesh. It is built at the first use; other threads may call this.
 
     Raises
     ------

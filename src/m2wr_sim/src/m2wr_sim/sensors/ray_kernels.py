@@ -17,7 +17,8 @@ Array layouts
 ``shapes`` (C, 16)
     Rotation world-from-shape (row-major, 9), half sizes (3; radius first for round shapes, half length third), kind,
     laser_retro, owner id, tree.  A plane has its unit normal in the first three columns.  A mesh, which is handled by
-    :mod:`m2wr_sim.sensors.mesh_kernels`, has the centre of its bounding sphere in place of half sizes.
+    :mod:`m2wr_sim.sensors.mesh_kernels`, has the centre of its bounding sphere in place of half sizes; so has a
+    heightmap (GROUND), see :mod:`m2wr_sim.sensors.height_ray_kernels`.
 
 The ray parameter t is the distance from the sensor's origin.  A ray starts at the shortest range.  If that point is
 inside a shape, the hit is where the ray leaves the shape.  A surface exactly at the shortest range is not hit.
@@ -31,7 +32,7 @@ import numpy as np
 
 from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, atan, azimuth, kernel, product, rotation  # noqa: F401
 
-BOX, SPHERE, CYLINDER, PLANE, MESH = 0, 1, 2, 3, 4
+BOX, SPHERE, CYLINDER, PLANE, MESH, GROUND = 0, 1, 2, 3, 4, 5
 POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
 COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
 HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
@@ -75,7 +76,7 @@ def write_poses(spheres: Floats, shapes: Floats, rows: NDArray[np.int64], poses:
             matrix = rotation(poses[k, 3], poses[k, 4], poses[k, 5], poses[k, 6])
             for column in range(9):
                 shapes[row, column] = matrix[column]
-            if shapes[row, KIND] == MESH:
+            if shapes[row, KIND] >= MESH:
                 x, y, z = shapes[row, HALF], shapes[row, HALF + 1], shapes[row, HALF + 2]
                 for axis in range(3):
                     spheres[axis, row] += matrix[3 * axis] * x + matrix[3 * axis + 1] * y + matrix[3 * axis + 2] * z
@@ -475,7 +476,7 @@ def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floa
     beams, rows, frame, spheres, shapes : float64
         Read only.
     order : (2, C) int32
-        Written: in the first row, the shapes within reach, meshes among them, from near to far.
+        Written: in the first row, the shapes within reach, meshes and heightmaps among them, from near to far.
     near : (n,) int32
         Ascending rows of the shapes to look at, see :mod:`m2wr_sim.sensors.listing_kernels`; empty: all.
 
@@ -498,7 +499,7 @@ def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floa
     many, n, beams_per_angle = _tests_hidden(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
     for k in range(found):
         row = order[0, k]
-        if shapes[row, KIND] == MESH:
+        if shapes[row, KIND] >= MESH:
             continue
         if frame[IGNORED] >= 0.0 and shapes[row, OWNER] == frame[IGNORED]:
             continue

@@ -9,10 +9,12 @@ import numpy as np
 
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.sensors import packed_kernels as packed
+from m2wr_sim.sensors.height_blocks import HeightBlocks, blocks_of
 from m2wr_sim.sensors.mesh_tree import Forest
 from m2wr_sim.sensors.ray_kernels import (
     BOX,
     CYLINDER,
+    GROUND,
     HALF,
     KIND,
     MESH,
@@ -63,7 +65,9 @@ class RayScene:
     has_retro : bool
         Whether any shape has a laser_retro other than 0.
     forest : Forest
-        Trees of meshes and heightmaps; false if there are none.
+        Trees of meshes; false if there are none.
+    grounds : dict
+        Row of each heightmap -> its :class:`m2wr_sim.sensors.height_blocks.HeightBlocks`.
     """
 
     def __init__(self, capacity: int = 64) -> None:
@@ -75,6 +79,7 @@ class RayScene:
         self.version = self.resting_version = 0
         self.has_retro = False
         self.forest = Forest()
+        self.grounds: Dict[int, HeightBlocks] = {}
         self._rows: Dict[Hashable, List[int]] = {}      # owner -> its rows
         self._ids: Dict[Hashable, int] = {}             # owner -> its number in the table
         self._next_id = 0
@@ -146,12 +151,17 @@ class RayScene:
             self._next_id += 1
         number, poses, rows = float(self._ids[owner]), [], []
         for (geometry, pose, retro), entry in zip(parts, packed_parts):
-            tree = 0
-            if entry is None:
-                tree, packed_tree = self.forest.add(cast("Union[Mesh, Heightmap]", geometry))
+            tree, blocks = 0, None
+            if isinstance(geometry, Heightmap):
+                blocks = blocks_of(geometry)
+                entry = GROUND, blocks.radius, tuple(blocks.middle)
+            elif entry is None:
+                tree, packed_tree = self.forest.add(cast(Mesh, geometry))
                 entry = MESH, packed_tree.radius, tuple(packed_tree.middle)
             kind, radius, values = entry
             row = self._take_row()
+            if blocks is not None:
+                self.grounds[row] = blocks
             words = [0.0] * SHAPE_SIZE
             first = 0 if kind == PLANE else HALF
             words[first:first + 3] = values
@@ -172,7 +182,8 @@ class RayScene:
         for row in rows:
             if self.shapes[row, KIND] == MESH:
                 self.forest.remove(int(self.shapes[row, TREE]))
-                self.shapes[row, KIND] = SPHERE
+            self.grounds.pop(row, None)
+            self.shapes[row, KIND] = SPHERE
             self.spheres[:, row] = np.nan
             self.shapes[row, RETRO] = 0.0
             self.shapes[row, OWNER] = -1.0

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Ray casting without numba, as array operations: each shape is intersected with all beams.
 
-The results are those of :mod:`m2wr_sim.sensors.ray_kernels` and :mod:`m2wr_sim.sensors.mesh_kernels`.
+The results are those of :mod:`m2wr_sim.sensors.ray_kernels`, :mod:`m2wr_sim.sensors.mesh_kernels` and
+:mod:`m2wr_sim.sensors.height_ray_kernels`.
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from m2wr_sim.sensors.height_blocks import HeightBlocks, triangles_of
 from m2wr_sim.sensors.mesh_kernels import EDGE, GRAZING
 from m2wr_sim.sensors.ray_kernels import (
     BOX,
@@ -99,7 +101,7 @@ def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows
         order[0, :seen.size] = seen
         for row in seen:
             shape, centre = shapes[row], centres[row]
-            if shape[KIND] == MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
+            if shape[KIND] >= MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
                 continue
             if shape[KIND] == PLANE:
                 t = (shape[:3] @ centre) / (rays @ shape[:3])
@@ -144,13 +146,50 @@ def cast_meshes_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, ro
             origin, local = (frame[:3] - spheres[:3, row]) @ axes, rays @ axes
             near = triangles[start:start + count]
             near = near[_near_triangles(near, origin, local, frame[RANGE_MAX])]
-            step = max(1, _PAIRS_AT_ONCE // len(rays))
-            for first in range(0, len(near), step):
-                t = _intersect_triangles(near[first:first + step], origin, local, frame[RANGE_MIN])
-                nearer = t < ranges
-                ranges[nearer] = t[nearer]
-                if hits.size:
-                    hits[nearer] = row
+            _lower(ranges, hits, row, near, origin, local, frame[RANGE_MIN])
+
+
+def cast_heights_numpy(ranges: Floats, hits: NDArray[np.int64], row: int, beams: Floats, rows: Floats, frame: Floats,
+                       sphere: Floats, shape: Floats, *ground: Any) -> None:
+    """Lower ranges to a heightmap, as ``height_ray_kernels.cast_heights`` with the same arguments.
+
+    Parameters
+    ----------
+    ranges : (V * N,) float64
+        Lowered where the heightmap is nearer [m].
+    hits : (V * N,) or (0,) int64
+        Unless empty, set to ``row`` there.
+    row : int
+        Of the heightmap in the scene.
+    beams, rows, frame, sphere, shape : float64
+        Read only.
+    ground : arrays
+        ``heights``, ``blocks``, ``levels`` and ``frame`` of :class:`m2wr_sim.sensors.height_blocks.HeightBlocks`.
+    """
+    if frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]:
+        return
+    with np.errstate(all='ignore'):
+        axes = shape[:9].reshape(3, 3)
+        origin, local = (frame[:3] - sphere[:3]) @ axes, _directions(beams, rows, frame) @ axes
+        if not (np.all(np.isfinite(origin)) and np.all(np.isfinite(local))):
+            return
+        low, high = np.minimum(local.min(axis=0), 0.0), np.maximum(local.max(axis=0), 0.0)
+        near = triangles_of(HeightBlocks(np.zeros(3), 0.0, *ground), origin[:2] + low[:2] * frame[RANGE_MAX] - 1e-6,
+                            origin[:2] + high[:2] * frame[RANGE_MAX] + 1e-6)
+        near = near[_near_triangles(near, origin, local, frame[RANGE_MAX])]
+        _lower(ranges, hits, row, near, origin, local, frame[RANGE_MIN])
+
+
+def _lower(ranges: Floats, hits: NDArray[np.int64], row: int, triangles: Floats, origin: Floats, rays: Floats,
+           nearest: float) -> None:
+    """Lower ranges to triangles."""
+    step = max(1, _PAIRS_AT_ONCE // len(rays))
+    for first in range(0, len(triangles), step):
+        t = _intersect_triangles(triangles[first:first + step], origin, rays, nearest)
+        nearer = t < ranges
+        ranges[nearer] = t[nearer]
+        if hits.size:
+            hits[nearer] = row
 
 
 def _near_triangles(triangles: Floats, origin: Floats, rays: Floats, longest: float) -> NDArray[np.bool_]:

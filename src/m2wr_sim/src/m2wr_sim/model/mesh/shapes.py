@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 _DEFAULT_SAMPLING = 2       # SDF's
 _PICTURES = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF")     # others may start programs to be read
-_MAX_PIXELS = 4096 * 4096
-_MOST_CELLS = 1024 * 1024   # of a heightmap: 1025 x 1025 samples, 8 MB; what the laser makes of them takes 0.4 GB
+_MAX_PIXELS = 4097 * 4097
+_MOST_CELLS = 4096 * 4096   # of a heightmap: 4097 x 4097 samples, 134 MB
 
 
 def _below(rest: str) -> str:

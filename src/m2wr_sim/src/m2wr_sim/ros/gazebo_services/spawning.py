@@ -23,6 +23,7 @@ from m2wr_sim.physics import native_shapes
 from m2wr_sim.ros.convert import all_finite, read_pose
 from m2wr_sim.runtime.once_logger import suppress_warnings
 from m2wr_sim.runtime.simulator import Simulator
+from m2wr_sim.sensors.height_blocks import blocks_of
 from m2wr_sim.sensors.mesh_tree import tree_of
 
 log = logging.getLogger(__name__)
@@ -90,7 +91,7 @@ def prepare(record: Union[Model, Light]) -> List[Any]:
             count = len(shape.triangles) if isinstance(shape, Mesh) else 2 * shape.heights.size
             if count > _MANY_TRIANGLES:
                 log.info("preparing %s (%d triangles)", shape.source, count)
-            kept.append((native_shapes.prepare(shape), tree_of(shape)))
+            kept.append((native_shapes.prepare(shape), tree_of(shape) if isinstance(shape, Mesh) else blocks_of(shape)))
     return kept
 
 
