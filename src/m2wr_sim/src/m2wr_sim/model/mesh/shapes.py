@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import posixpath
+import warnings
 from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -316,7 +317,10 @@ def _read_levels(path: str) -> NDArray[np.float64]:
     try:
         if not os.path.isfile(path):
             raise XmlError("{}: is no regular file; expected a picture such as a PNG".format(path))
-        with Image.open(path) as picture:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            opened = Image.open(path)
+        with opened as picture:
             if picture.format not in _PICTURES:
                 raise XmlError("{}: is a {} picture; expected one of {}".format(
                     path, picture.format, ", ".join(_PICTURES)))
@@ -330,6 +334,9 @@ def _read_levels(path: str) -> NDArray[np.float64]:
                 levels = np.asarray(picture.convert("RGB").getchannel(0), dtype=np.float64) / 255.0
     except XmlError:
         raise
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):      # the picture was not unpacked
+        raise XmlError("{}: the picture has more than {} pixels; expected at most {} in all".format(
+            path, Image.MAX_IMAGE_PIXELS, _MAX_PIXELS)) from None
     except Exception as error:      # any error of the parser in a broken file
         raise XmlError("{}: cannot be read: {}; expected a picture such as a PNG".format(path, error)) from None
     if min(levels.shape) < 2 or not np.all(np.isfinite(levels)):
