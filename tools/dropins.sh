@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Lets each stand-in package below dropin/ be built only where no real package of its name is found: writes or removes
+# Lets each stand-in package below dropin/ be built only where no real package of its name is found, installed or in src/: writes or removes
 # its CATKIN_IGNORE, which catkin, rospack and roslaunch respect. Prints only changes.
 # M2WR_KEEP_DROPINS="gazebo_ros gazebo_plugins" keeps stand-ins although the real ones exist.
 set -euo pipefail
@@ -24,12 +24,35 @@ real_package() {
     fi
 }
 
+# Prints the package.xml of each real package in the sources of this workspace that catkin does not ignore.
+real_sources() {
+    local xml folder
+    if [ ! -d "$WORKSPACE/src" ]; then
+        return
+    fi
+    find -L "$WORKSPACE/src" -maxdepth 6 -name package.xml 2>/dev/null | sort | while IFS= read -r xml; do
+        folder=${xml%/*}
+        while [ "$folder" != "$WORKSPACE/src" ] && [ ! -e "$folder/CATKIN_IGNORE" ]; do
+            folder=${folder%/*}
+        done
+        if [ "$folder" = "$WORKSPACE/src" ] && [ ! -e "$folder/CATKIN_IGNORE" ] && ! grep -q 'm2wr\.example' "$xml"; then
+            printf '%s\n' "$xml"
+        fi
+    done
+}
+
+declare -A sources=()
+while IFS= read -r xml; do
+    sources[$(sed -n 's:.*<name>[[:space:]]*\([^<[:space:]]*\)[[:space:]]*</name>.*:\1:p' "$xml" | head -n 1)_]=$xml
+done < <(real_sources)
+
 IFS=: read -r -a prefixes <<< "${CMAKE_PREFIX_PATH:-}"
 for folder in "$WORKSPACE"/dropin/*/; do
     folder=${folder%/}
     name=${folder##*/}
     found=
     if [[ " ${M2WR_KEEP_DROPINS:-} " != *" $name "* ]]; then
+        found=${sources[${name}_]:-}
         for prefix in "${prefixes[@]}" "$NOETIC" "$SYSTEM"; do
             found=${found:-$(real_package "$name" "$prefix")}
         done

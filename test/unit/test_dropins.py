@@ -56,6 +56,19 @@ def test_a_stand_in_is_built_only_without_the_real_package(workspace, prefix):
     assert left_out == [] and "dropin/xacro is built" in said
 
 
+def test_a_package_in_the_sources_counts_unless_it_is_ignored(workspace):
+    folder = workspace / "ws" / "src" / "others" / "the xacro"
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text(REAL % "xacro")
+    own = workspace / "ws" / "src" / "gazebo_ros"
+    own.mkdir()
+    (own / "package.xml").write_text(OWN % "gazebo_ros")
+    left_out, said = arrange(workspace)
+    assert left_out == ["xacro"] and "others/the xacro/package.xml" in said
+    (workspace / "ws" / "src" / "others" / "CATKIN_IGNORE").write_text("")
+    assert arrange(workspace)[0] == []
+
+
 def test_a_sourced_workspace_counts_whether_installed_or_built(workspace):
     install(workspace, "overlay one", "gazebo_ros")
     source = workspace / "source" / "xacro"
