@@ -8,7 +8,8 @@ import rospy
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 
-from m2wr_exploration.ros.explore_node import ExploreNode, MapInput
+from m2wr_exploration.ros.explore_node import ExploreNode
+from m2wr_exploration.ros.map_input import MapInput
 from m2wr_navigation.ros.transforms import TransformError
 
 

@@ -201,7 +201,7 @@ def test_the_robot_may_have_another_name_and_absolute_path():
 #: Launch files that other ones include, or that run beside a simulation that has the argument.
 _PARTS = {"carriers.launch", "click_obstacles.launch", "elevation.launch", "foxglove_bridge.launch",
           "image_dump.launch", "live.launch", "record.launch", "robot_range.launch", "rosbridge_websocket.launch",
-          "explore_costmap.launch",
+          "explore_costmap.launch", "map_merge.launch",
           "cmd_vel_mux.launch", "teleop.launch", "twist_mux.launch", "velocity_smoother.launch",
           "32e_points.launch", "64e_S3_points.launch", "VLP-32C_points.launch",
           "VLP16_points.launch"}
