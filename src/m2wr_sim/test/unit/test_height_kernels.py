@@ -171,7 +171,7 @@ def contacts(heights, cell, kind, size, position, rpy):
     out = np.empty((kernels.MOST, kernels.CONTACT))
     pose = np.array(tuple(position) + tuple(quaternion_from_rpy(*rpy)))
     count = kernels.height_contacts(heights, tops_of(heights), np.array(cell), FIELD, kind, np.array(size),
-                                    pose, out)
+                                    pose, out, np.empty(kernels.WORK), np.empty(4, np.int64))
     return out[:count]
 
 

@@ -73,6 +73,7 @@ def find(first: Geom, second: Geom, one: Shape, two: Shape) -> Optional[List[Con
     found = np.empty((kernels.MOST, kernels.CONTACT))
     data = field.heights                # type: ignore[union-attr]
     count = kernels.height_contacts(data.heights, data.tops, data.cell, _pose(field), kind_of(shape),
-                                    np.array(size_of(shape)), _pose(geom), found)
+                                    np.array(size_of(shape)), _pose(geom), found, np.empty(kernels.WORK),
+                                    np.empty(4, np.int64))
     return [((x, y, z), (sign * nx, sign * ny, sign * nz), depth)
             for x, y, z, nx, ny, nz, depth in found[:count].tolist()]

@@ -23,7 +23,7 @@ from m2wr_sim.physics.height_field_kernels import (
     into,
     turn,
 )
-from m2wr_sim.physics.height_round_kernels import round_contacts
+from m2wr_sim.physics.height_round_kernels import ROUND_WORK, round_contacts
 
 try:
     from numba import njit
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 NO_SHAPE, SPHERE, CYLINDER, WHEEL, BOX, FIELD = range(6)
 CONTACT = 7                 # numbers of a contact: position, normal from the ground into the shape, depth
 MOST = 64                   # contacts of a pair
+_ROOM = 19
+WORK = _ROOM + ROUND_WORK   # numbers of working memory
 _EDGE_POINTS, _RIM_POINTS = 16, 16
 _CONVEX = 1e-9              # m, by which a convex point is above the middle of its neighbours
 
@@ -149,7 +151,7 @@ def _upright(heights: Values, tops: Values, cell: Values, centre: Values, axes: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, kind: int, size: Values, pose: Values,
-                    out: Values) -> int:
+                    out: Values, work: Values, window: NDArray[np.int64]) -> int:
     """Find the contacts of a shape with a heightmap.
 
     Parameters
@@ -167,14 +169,17 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
         Radius; radius and length; extents [m].
     out : (n, 7) float64
         Position, normal from the ground into the shape, depth of each contact, in the world.
+    work : (WORK,) float64
+        Working memory, so that none is allocated in a step.
+    window : (4,) int64
+        Working memory.
 
     Returns
     -------
     int
         Number of contacts.
     """
-    room, window = np.empty(19), np.empty(4, np.int64)
-    centre, axes, reach, halves = room[:3], room[3:12].reshape(3, 3), room[12:15], room[15:]
+    centre, axes, reach, halves = work[:3], work[3:12].reshape(3, 3), work[12:15], work[15:_ROOM]
     into(field, pose, centre, axes)
     for axis in range(3):
         if kind == SPHERE:
@@ -195,13 +200,14 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
     if kind == BOX:
         count = _box(heights, tops, cell, centre, axes, halves, greatest, window, out)
     elif kind == SPHERE:
-        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.0, False, reach, window, out)
+        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.0, False, reach, window, out,
+                               work[_ROOM:])
     elif kind == CYLINDER and abs(axes[2, 2]) > 0.7:
         halves[2] = 0.5 * size[1]
         count = _upright(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], halves, window, out)
     else:
         count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], kind == WHEEL, reach, window,
-                               out)
+                               out, work[_ROOM:])
     for index in range(count):          # back to libode's axes, then to the world
         for first in (0, 3):
             x, y, z = turn(field, out[index, first], out[index, first + 2], -out[index, first + 1], 1.0)

@@ -34,6 +34,8 @@ _SIDE = 2e-3                # m, depth from which a wheel may be in contact with
 _N_DISTANCE, _N_U, _N_V, _N_FIRST, _N_LAST, _N_FIRST_DISTANCE, _N_LAST_DISTANCE, _N_ROW, _N_COLUMN, _N_HALF, _N_OPEN = \
     range(11)
 _NEAR_WORDS = 11
+_NEAR_ROOM, _TRIANGLE_ROOM, _PLANE_ROOM = (_MOST_NEAR + 1) * _NEAR_WORDS, 60, 48
+ROUND_WORK = _NEAR_ROOM + _TRIANGLE_ROOM + _PLANE_ROOM      # numbers of working memory
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -149,12 +151,12 @@ def _apart(polygon: Values, radius: float, half: float) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
-                    window: NDArray[np.int64], near: Values) -> int:
+                    window: NDArray[np.int64], near: Values, work: Values) -> int:
     """Write the triangles closer than ``radius``, with their nearest points; return their number.
 
     ``frame`` has the directions u, v, s; s is the axis.  ``half`` is half the width, 0 for a ball.
     """
-    room = np.empty((20, 3))
+    room = work[_NEAR_ROOM:_NEAR_ROOM + _TRIANGLE_ROOM].reshape(20, 3)
     corners, polygon, kept = room[:4], room[4:12], room[12:]
     count, flat, slants = 0, cell[0] * cell[0] + cell[1] * cell[1], slants_of(cell, frame, radius, half)
     for row in range(window[0], window[1] + 1):
@@ -206,7 +208,7 @@ def _put(heights: Values, cell: Values, centre: Values, frame: Values, row: int,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _near_plane(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
-                window: NDArray[np.int64], found: Values) -> int:
+                window: NDArray[np.int64], found: Values, work: Values) -> int:
     """Write the nearest point of a window whose samples are in one plane, as if it were one face; return how many.
 
     It is that of all its triangles together; -1 if these are needed one by one.
@@ -226,7 +228,7 @@ def _near_plane(heights: Values, cell: Values, centre: Values, frame: Values, ra
         found[_N_FIRST] = found[_N_LAST] = dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]
         found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = distance
     else:
-        polygon = np.empty((16, 3))
+        polygon = work[_NEAR_ROOM + _TRIANGLE_ROOM:ROUND_WORK].reshape(16, 3)
         for corner in range(4):
             _put(heights, cell, centre, frame, top if corner < 2 else window[1] + 1,
                  left if corner % 3 == 0 else window[3] + 1, polygon, corner)
@@ -241,21 +243,20 @@ def _near_plane(heights: Values, cell: Values, centre: Values, frame: Values, ra
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark_closest(heights: Values, cell: Values, centre: Values, frame: Values, near: Values, count: int) -> None:
-    """Mark the nearest points from which the ground leads no closer: they are in no triangle that comes closer."""
-    for index in range(count):
-        u, v, s = near[index, _N_U], near[index, _N_V], 0.5 * (near[index, _N_FIRST] + near[index, _N_LAST])
-        x = centre[0] + u * frame[0, 0] + v * frame[1, 0] + s * frame[2, 0]
-        y = centre[1] + u * frame[0, 1] + v * frame[1, 1] + s * frame[2, 1]
-        across, down = x / cell[0] + 0.5 * (heights.shape[1] - 1), 0.5 * (heights.shape[0] - 1) - y / cell[1]
-        near[index, _N_OPEN] = 1.0
-        for other in range(count):
-            if near[other, _N_DISTANCE] < near[index, _N_DISTANCE] - _TIE:
-                right, up = across - near[other, _N_COLUMN], 1.0 - (down - near[other, _N_ROW])
-                if -1e-7 <= right <= 1.0 + 1e-7 and -1e-7 <= up <= 1.0 + 1e-7 \
-                        and (up >= right - 1e-7 if near[other, _N_HALF] == 0.0 else right >= up - 1e-7):
-                    near[index, _N_OPEN] = 0.0
-                    break
+def _is_closest(heights: Values, cell: Values, centre: Values, frame: Values, near: Values, count: int,
+                index: int) -> bool:
+    """Return whether the ground leads no closer from a nearest point: it is in no triangle that comes closer."""
+    u, v, s = near[index, _N_U], near[index, _N_V], 0.5 * (near[index, _N_FIRST] + near[index, _N_LAST])
+    x = centre[0] + u * frame[0, 0] + v * frame[1, 0] + s * frame[2, 0]
+    y = centre[1] + u * frame[0, 1] + v * frame[1, 1] + s * frame[2, 1]
+    across, down = x / cell[0] + 0.5 * (heights.shape[1] - 1), 0.5 * (heights.shape[0] - 1) - y / cell[1]
+    for other in range(count):
+        if near[other, _N_DISTANCE] < near[index, _N_DISTANCE] - _TIE:
+            right, up = across - near[other, _N_COLUMN], 1.0 - (down - near[other, _N_ROW])
+            if -1e-7 <= right <= 1.0 + 1e-7 and -1e-7 <= up <= 1.0 + 1e-7 \
+                    and (up >= right - 1e-7 if near[other, _N_HALF] == 0.0 else right >= up - 1e-7):
+                return False
+    return True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -271,7 +272,8 @@ def _sunk(heights: Values, cell: Values, centre: Values, radius: float, out: Val
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, frame: Values, radius: float,
-                   half: float, wheel: bool, reach: Values, window: NDArray[np.int64], out: Values) -> int:
+                   half: float, wheel: bool, reach: Values, window: NDArray[np.int64], out: Values,
+                   work: Values) -> int:
     """Write the contacts of a ball, or of the curved side of a cylinder; return their number.
 
     Parameters
@@ -292,6 +294,8 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
         First and last row and column of the cells below it; changed.
     out : (n, 7) float64
         Written, in the frame of the heightmap.
+    work : (ROUND_WORK,) float64
+        Working memory, so that none is allocated in a step.
 
     Returns
     -------
@@ -301,13 +305,14 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
         return 1
     if not narrow(heights, tops, cell, centre, frame, radius, half, reach, window):
         return 0
-    near = np.empty((_MOST_NEAR + 1, _NEAR_WORDS))
+    near = work[:_NEAR_ROOM].reshape(_MOST_NEAR + 1, _NEAR_WORDS)
     found = -1
     if is_plane(heights, window):
-        found = _near_plane(heights, cell, centre, frame, radius, half, window, near[0])
+        found = _near_plane(heights, cell, centre, frame, radius, half, window, near[0], work)
     if found < 0:
-        found = _near_triangles(heights, cell, centre, frame, radius, half, window, near)
-        _mark_closest(heights, cell, centre, frame, near, found)
+        found = _near_triangles(heights, cell, centre, frame, radius, half, window, near, work)
+        for index in range(found):
+            near[index, _N_OPEN] = 1.0
     solid = 0.0 if half > 0.0 else 1.0
     count = 0
     while count < out.shape[0] - 1:
@@ -317,6 +322,9 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
                 best = index
         if best < 0 or near[best, _N_DISTANCE] < _TIE:
             break
+        if found > 1 and not _is_closest(heights, cell, centre, frame, near, found, best):
+            near[best, _N_OPEN] = 0.0
+            continue
         distance, u, v, w = near[best, _N_DISTANCE], near[best, _N_U], near[best, _N_V], solid * near[best, _N_FIRST]
         depth, side, first, last = radius - distance, 0.0, best, best
         if half > 0.0 and depth > _SIDE:

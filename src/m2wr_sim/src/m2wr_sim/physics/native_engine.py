@@ -215,6 +215,7 @@ class NativeEngine(OdeWorld):
             layout.H_STATES: bodies * layout.STATE_WORDS,
             layout.H_IDLERS: len(self._idlers) * layout.IDLE_WORDS,
             layout.H_FORMER: most_kept * layout.FORMER_WORDS,
+            layout.H_WORK: near_kernels.GROUND_WORK,
         }
 
     def _write_header(self, block: Block) -> None:

@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
 from m2wr_sim.physics.height_field_kernels import tops_size
-from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, height_contacts
+from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, WORK, height_contacts
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
@@ -76,6 +76,7 @@ from m2wr_sim.physics.step_layout import (
     H_SIZE,
     H_STEPS,
     H_WATCHING,
+    H_WORK,
     H_WORLD,
     HEADER_WORDS,
     J_COUPLED,
@@ -128,6 +129,8 @@ if TYPE_CHECKING:
     Values = NDArray[np.float64]
 
 _STEEP, _FLAT = 0.5, 0.8            # as in contacts
+_NUMBERS = 19                       # two poses, size of a shape and of a cell
+GROUND_WORK = _NUMBERS + 4 + MOST * CONTACT + WORK      # words of H_WORK
 _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 
 _handle = types.uintp
@@ -289,8 +292,12 @@ def _ground_contacts(words: Words, values: Values, one: int, two: int, geom_one:
     rows, columns = np.int64(words[at + FIELD_ROWS]), np.int64(words[at + FIELD_COLUMNS])
     heights = carray(_pointer(words[at + FIELD_HEIGHTS]), (rows, columns), np.float64)
     tops = carray(_pointer(words[at + FIELD_TOPS]), (tops_size(rows, columns),), np.float64)
-    numbers = np.empty(19)
-    field_pose, pose, size, cell = numbers[:7], numbers[7:14], numbers[14:17], numbers[17:]
+    begin = words[H_ADDRESS] + np.uint64(8) * words[H_WORK]
+    numbers = carray(_pointer(begin), (_NUMBERS,), np.float64)
+    field_pose, pose, size, cell = numbers[:7], numbers[7:14], numbers[14:17], numbers[17:19]
+    window = carray(_pointer(begin + np.uint64(8 * _NUMBERS)), (4,), np.int64)
+    found = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + 4))), (MOST, CONTACT), np.float64)
+    work = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + 4 + MOST * CONTACT))), (WORK,), np.float64)
     room = first + C_GEOMETRY
     _pose_of(words, values, field, room, field_pose)
     _pose_of(words, values, shape, room, pose)
@@ -298,8 +305,8 @@ def _ground_contacts(words: Words, values: Values, one: int, two: int, geom_one:
         size[axis] = values[other + G_SIZE + axis]
     for axis in range(2):
         cell[axis] = values[at + FIELD_CELL + axis]
-    found = np.empty((MOST, CONTACT))
-    count = height_contacts(heights, tops, cell, field_pose, np.int64(words[other + G_KIND]), size, pose, found)
+    count = height_contacts(heights, tops, cell, field_pose, np.int64(words[other + G_KIND]), size, pose, found, work,
+                            window)
     for index in range(count):
         place = first + index * CONTACT_WORDS
         for axis in range(3):

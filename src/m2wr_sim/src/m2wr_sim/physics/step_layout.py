@@ -43,6 +43,7 @@ H_NOW, H_BEFORE       pairs in contact in this step and in the last: row, row, p
 H_LOG                 new contacts: step, row, row, position, depth
 H_REPORTS             a ring of contacts of watched geoms: step, row, row, position, normal, depth, dJointFeedback;
                       empty if nothing is watched
+H_WORK                working memory for contacts with heightmaps
 ====================  =======================================================================================
 """
 import numpy as np
@@ -54,7 +55,7 @@ import numpy as np
  H_CONTACT_PAIR_ROOM, H_LOG_ROOM, H_MISSED, H_BOUNDED, H_BOUNDS, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
  H_FOUND, H_SLEEPERS, H_DT, H_ISLANDS, H_LARGEST_ISLAND, H_ISLAND_LIMIT, H_ITERATIVE, H_GRIPS, H_STATES, H_KEPT,
  H_COUPLED, H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
- H_FORMER_STEP, H_LOADS) = range(61)
+ H_FORMER_STEP, H_LOADS, H_WORK) = range(62)
 HEADER_WORDS = 64
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction

@@ -17,7 +17,7 @@ SAMPLES = 1025                  # a side of the map
 CELLS = (0.05, 0.02, 0.01, 0.005)       # m
 _WAVES = (0.02, 1.0, 1.3)       # m: amplitude, wave lengths along x and y
 _NOISE = 0.002                  # m: standard deviation of each sample
-_SPEED, _TURN = 0.3, 0.2        # m/s, rad/s
+_SPEED, _TURN = 0.3, 0.3        # m/s, rad/s: a circle of 2 m, which fits on the smallest map
 _SETTLING = 1.0                 # s
 _PARTS = 5                      # parts of a drive, of which the median counts
 _WORLD = """<sdf version="1.6"><world name="ground"><physics type="ode"><max_step_size>0.001</max_step_size></physics>
