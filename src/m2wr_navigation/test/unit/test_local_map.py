@@ -133,3 +133,14 @@ def test_a_sample_collides_with_what_moves_where_it_will_be(speed, hits):
     assert cost_of(distance, to_goal, corner, discs_of(M2WR), movers, state, ahead, calm, SETTINGS) > 900.0
     movers[0, 3] = -0.8
     assert cost_of(distance, to_goal, corner, discs_of(M2WR), movers, state, ahead, calm, SETTINGS) < 900.0
+
+
+def test_one_in_contact_does_not_hide_another():
+    """An obstacle behind overlaps the robot already: it has to come no nearer, and one ahead is still hit."""
+    distance, to_goal = np.full((100, 100), 5.0, np.float32), np.full((50, 50), 30.0, np.float32)
+    corner, state = np.array([-2.5, -2.5, 0.05]), np.array([0.0, 0.0, 0.0, 0.5, 0.0])
+    ahead, calm = np.tile((0.5, 0.0), (40, 1)), np.zeros((2, 2), np.float32)
+    behind, before = (-0.5, 0.0, 0.0, 0.0, 0.5), (1.5, 0.0, -0.3, 0.0, 0.25)
+    costs = [cost_of(distance, to_goal, corner, discs_of(M2WR), np.array(movers), state, ahead, calm, SETTINGS)
+             for movers in ([behind], [behind, before])]
+    assert costs[0] < 100.0 and costs[1] > 900.0

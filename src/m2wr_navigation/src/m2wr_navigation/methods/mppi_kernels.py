@@ -113,21 +113,25 @@ def clearance_of(distance: Float32Array, corner: FloatArray, discs: FloatArray, 
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def apart_from(movers: FloatArray, discs: FloatArray, x: float, y: float, yaw: float, time: float,
-               enough: float) -> float:
-    """Return the least distance of the robot from what moves, negative inside [m]; where it is large, infinite.
+def apart_from(movers: FloatArray, allowed: FloatArray, discs: FloatArray, x: float, y: float, yaw: float,
+               time: float, enough: float) -> Tuple[float, bool]:
+    """Return the least distance of the robot from what moves, negative inside [m], and whether one is too small.
+
+    Where a distance is large, it counts as infinite.
 
     Parameters
     ----------
     movers : (M, 5) float64
         x, y [m], velocity [m/s], and radius [m].
+    allowed : (M,) float64
+        Least distance of each [m].
     discs, x, y, yaw, enough
         As of :func:`clearance_of`.
     time : float
         Since the movers were there [s].
     """
     cosine, sine = math.cos(yaw), math.sin(yaw)
-    least = np.inf
+    least, hit = np.inf, False
     for m in range(movers.shape[0]):
         across = movers[m, 0] + time * movers[m, 2] - x
         up = movers[m, 1] + time * movers[m, 3] - y
@@ -135,9 +139,11 @@ def apart_from(movers: FloatArray, discs: FloatArray, x: float, y: float, yaw: f
         radius = movers[m, 4]
         if math.hypot(ahead - discs[0, 0], left - discs[0, 1]) - discs[0, 2] - radius >= enough:
             continue
+        apart = np.inf
         for k in range(1, discs.shape[0]):
-            least = min(least, math.hypot(ahead - discs[k, 0], left - discs[k, 1]) - discs[k, 2] - radius)
-    return least
+            apart = min(apart, math.hypot(ahead - discs[k, 0], left - discs[k, 1]) - discs[k, 2] - radius)
+        least, hit = min(least, apart), hit or apart < allowed[m]
+    return least, hit
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -206,8 +212,11 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
     x, y, yaw, v, w = state[0], state[1], state[2], state[3], state[4]
     # where the robot is too near already it has to get no nearer
     least = min(settings.margin, clearance_of(distance, corner, discs, x, y, yaw, settings.near) - 1e-3)
-    apart = apart_from(movers, discs, x, y, yaw, 0.0, settings.near)
-    least_apart = min(settings.margin, apart - 1e-3)
+    allowed, hit = np.zeros(movers.shape[0]), False
+    for m in range(movers.shape[0]):
+        apart, _ = apart_from(movers[m:m + 1], allowed, discs, x, y, yaw, 0.0, settings.near)
+        allowed[m] = min(settings.margin, apart - 1e-3)
+    apart = np.inf
     looks = max(1, int(LOOKS / settings.step))
     total, length = 0.0, nominal.shape[0]
     clearance = ahead = turned = np.inf
@@ -223,15 +232,15 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
             clearance = clearance_of(distance, corner, discs, x, y, yaw, settings.near)
             ahead = turned = 0.0
         if movers.shape[0] and (ahead == 0.0 or t % looks == 0):
-            apart = apart_from(movers, discs, x, y, yaw, (t + 1) * settings.step, settings.near)
-        if clearance < least or apart < least_apart:
+            apart, hit = apart_from(movers, allowed, discs, x, y, yaw, (t + 1) * settings.step, settings.near)
+        if clearance < least or hit:
             return COLLISION + total - 2.0 * t * settings.step
         total += settings.step + settings.turn_weight * abs(w) * settings.step
         if v < 0.0:
             total += settings.back_weight * settings.step
         nearest = min(clearance, apart)
         if nearest < settings.near:
-            share = (settings.near - nearest) / settings.near
+            share = (settings.near - max(nearest, 0.0)) / settings.near
             total += settings.near_weight * share * share * (0.1 + abs(v) / settings.most_v) * settings.step
         total += settings.gamma * settings.step * (
             nominal[t, 0] * (to_v - nominal[t, 0]) / settings.deviation_v ** 2
