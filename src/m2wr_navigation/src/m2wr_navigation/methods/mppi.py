@@ -52,7 +52,7 @@ class Mppi(Method):
         "map_side": Parameter(20.0, "m", 2.0, 100.0, "side of the map that is kept"),
         "map_resolution": Parameter(0.05, "m", 0.01, 0.5, "side of its cells"),
         "map_sight": Parameter(6.0, "m", 0.5, 30.0, "readings of the laser beyond are not entered in the map"),
-        "predict": Parameter(True, "", 0, 1, "look ahead to where obstacles that move will be"),
+        "predict": Parameter(False, "", 0, 1, "look ahead to where obstacles that move will be"),
         "seed": Parameter(0, "", 0, 2 ** 31 - 1, "of the disturbances"),
     })
 
