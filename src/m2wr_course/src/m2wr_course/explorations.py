@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 import operator
-import runpy
 from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Tuple
 
 from m2wr_course.finding import Finding
+from m2wr_course.programs import function_of
 from m2wr_exploration.explorer import PARAMETERS
 from m2wr_exploration.strategies.strategy import Strategy
 from m2wr_exploration.study.run import explore
 from m2wr_exploration.study.scenes import named
 from m2wr_exploration.study.settings import EXPLORER, navigation_parameters
 from m2wr_navigation.parameters import read
-from m2wr_sim.errors import NotFoundError
 
 if TYPE_CHECKING:
     from m2wr_exploration.frontiers import Frontier, View
@@ -82,9 +81,7 @@ def short_exploration(path: str) -> Iterator[Finding]:
     NotFoundError
         If the file defines no such function.
     """
-    rule = runpy.run_path(path).get("choose")
-    if not callable(rule):
-        raise NotFoundError("%s defines no function \"choose\"; expected def choose(paths, sizes)" % path)
+    rule = function_of(path, "choose", "paths, sizes")
     safe = True
     for words, paths, sizes in CASES:
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import runpy
-from typing import Any, Iterator, List, Optional, Tuple
+from typing import Any, Callable, Iterator, List, Optional, Tuple
 
 from m2wr_course.finding import Finding
 from m2wr_sim.errors import NotFoundError
@@ -21,6 +21,29 @@ CASES: Tuple[Tuple[str, List[float], float, float, Optional[Tuple[float, float]]
     ("nothing in sight", [INF, INF, NAN], -0.5, 0.5, None),
     ("no beams at all", [], -0.5, 0.5, None),
 )
+
+
+def function_of(path: str, name: str, arguments: str) -> Callable[..., Any]:
+    """Return a function that a student's file defines.
+
+    Parameters
+    ----------
+    path : str
+        Python file.  It is executed.
+    name : str
+        Of the function.
+    arguments : str
+        Of the function, for the message.
+
+    Raises
+    ------
+    NotFoundError
+        If the file defines no such function.
+    """
+    function = runpy.run_path(path).get(name)
+    if not callable(function):
+        raise NotFoundError("%s defines no function \"%s\"; expected def %s(%s)" % (path, name, name, arguments))
+    return function
 
 
 def nearest(path: str) -> Iterator[Finding]:
@@ -40,10 +63,7 @@ def nearest(path: str) -> Iterator[Finding]:
     NotFoundError
         If the file defines no such function.
     """
-    function = runpy.run_path(path).get("nearest")
-    if not callable(function):
-        raise NotFoundError("%s defines no function \"nearest\"; expected def nearest(ranges, angle_min, "
-                            "angle_increment)" % path)
+    function = function_of(path, "nearest", "ranges, angle_min, angle_increment")
     for words, ranges, angle_min, increment, expected in CASES:
         try:
             answer = function(list(ranges), angle_min, increment)
