@@ -185,6 +185,16 @@ def reached(v: float, w: float, to_v: float, to_w: float, settings: RolloutSetti
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def _least_distances(movers: FloatArray, discs: FloatArray, state: FloatArray, settings: RolloutSettings) -> FloatArray:
+    """Return the least distance (M,) that is allowed from each that moves [m]: what is too near may get no nearer."""
+    allowed = np.zeros(movers.shape[0])
+    for m in range(movers.shape[0]):
+        apart, _ = apart_from(movers[m:m + 1], allowed, discs, state[0], state[1], state[2], 0.0, settings.near)
+        allowed[m] = min(settings.margin, apart - 1e-3)
+    return allowed
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
             movers: FloatArray, state: FloatArray, nominal: FloatArray, knots: Float32Array,
             settings: RolloutSettings) -> float:
@@ -209,14 +219,19 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
     knots : (N, 2) float32
     settings : RolloutSettings
     """
+    allowed = _least_distances(movers, discs, state, settings)
+    return _cost_of(distance, to_goal, corner, discs, movers, allowed, state, nominal, knots, settings)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
+             movers: FloatArray, allowed: FloatArray, state: FloatArray, nominal: FloatArray, knots: Float32Array,
+             settings: RolloutSettings) -> float:
+    """Return :func:`cost_of`, with the least distances from what moves."""
     x, y, yaw, v, w = state[0], state[1], state[2], state[3], state[4]
     # where the robot is too near already it has to get no nearer
     least = min(settings.margin, clearance_of(distance, corner, discs, x, y, yaw, settings.near) - 1e-3)
-    allowed, hit = np.zeros(movers.shape[0]), False
-    for m in range(movers.shape[0]):
-        apart, _ = apart_from(movers[m:m + 1], allowed, discs, x, y, yaw, 0.0, settings.near)
-        allowed[m] = min(settings.margin, apart - 1e-3)
-    apart = np.inf
+    apart, hit = np.inf, False
     looks = max(1, int(LOOKS / settings.step))
     total, length = 0.0, nominal.shape[0]
     clearance = ahead = turned = np.inf
@@ -265,16 +280,16 @@ def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, 
     noise : (K, N, 2) float32
         Disturbances; those of the first A samples are not used.
     """
-    costs = np.empty(noise.shape[0])
+    costs, allowed = np.empty(noise.shape[0]), _least_distances(movers, discs, state, settings)
     calm = np.zeros((2, 2), np.float32)
     constant = np.empty_like(nominal)
     for k in range(len(costs)):
         if k < arcs.shape[0]:
             constant[:, 0] = arcs[k, 0]
             constant[:, 1] = arcs[k, 1]
-            costs[k] = cost_of(distance, to_goal, corner, discs, movers, state, constant, calm, settings)
+            costs[k] = _cost_of(distance, to_goal, corner, discs, movers, allowed, state, constant, calm, settings)
         else:
-            costs[k] = cost_of(distance, to_goal, corner, discs, movers, state, nominal, noise[k], settings)
+            costs[k] = _cost_of(distance, to_goal, corner, discs, movers, allowed, state, nominal, noise[k], settings)
     return costs
 
 
