@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Iterator, NamedTuple, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Any, Iterator, NamedTuple, Optional, Tuple
 
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 from m2wr_tools.doctor.package_sources import how_to_get
@@ -40,9 +40,10 @@ def fault(machine: Machine, packages: PackageList, kind: str) -> Optional[Fault]
     folder = packages.find(package)
     if not folder:
         return Fault("package %s is missing" % package, how_to_get(machine, package))
-    if kind in _stand_ins(folder):
-        return None
-    libraries = dict(_declared(folder))
+    manifest = _manifest(folder)
+    if manifest is not None and any(entry.get("type") == kind for entry in manifest.iterfind("export/m2wr_nodelet")):
+        return None                     # m2wr_nodelet starts a node in its place
+    libraries = dict(_declared(folder, manifest) if manifest is not None else ())
     if kind not in libraries:
         return Fault("package %s has no nodelet %s" % (package, kind),
                      "correct the name; the package has %s" % (", ".join(sorted(libraries)) or "none"))
@@ -56,20 +57,18 @@ def fault(machine: Machine, packages: PackageList, kind: str) -> Optional[Fault]
                  if not folder.startswith("/usr/") else how_to_get(machine, package))
 
 
-def _stand_ins(folder: str) -> Set[str]:
-    """Return the nodelets in whose place a package declares a node, as m2wr_nodelet reads it."""
+def _manifest(folder: str) -> Optional[Any]:
+    """Return the root element of a package's ``package.xml``; None if the file cannot be read."""
     try:
-        root = parse_xml(read_file(os.path.join(folder, "package.xml")), "package.xml")
+        return parse_xml(read_file(os.path.join(folder, "package.xml")), "package.xml")
     except (OSError, XmlError):
-        return set()
-    return {entry.get("type") or "" for entry in root.iterfind("export/m2wr_nodelet")}
+        return None
 
 
-def _declared(folder: str) -> Iterator[Tuple[str, str]]:
+def _declared(folder: str, manifest: Any) -> Iterator[Tuple[str, str]]:
     """Yield the name of each nodelet that a package declares, and its library; files that cannot be read have none."""
     try:
-        root = parse_xml(read_file(os.path.join(folder, "package.xml")), "package.xml")
-        for entry in root.iterfind("export/nodelet"):
+        for entry in manifest.iterfind("export/nodelet"):
             path = (entry.get("plugin") or "").replace("${prefix}", folder)
             libraries = parse_xml(read_file(path), path)
             for library in [libraries] if libraries.tag == "library" else libraries.iterfind("library"):
