@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import threading
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -74,14 +74,14 @@ def _private(topic: str) -> str:
     return topic if topic[0] in "/~" else "~" + topic
 
 
-def _configuration() -> str:
-    """Return the text of the file that ``~yaml_cfg_file`` names."""
+def _configuration() -> Tuple[str, str]:
+    """Return the text of the file that ``~yaml_cfg_file`` names, and its path."""
     path, parameter = rospy.get_param("~yaml_cfg_file", None), rospy.resolve_name("~yaml_cfg_file")
     if not isinstance(path, str) or not path:
         raise ConfigurationError("the parameter %s is %r; expected the path of a YAML file" % (parameter, path))
     try:
         with open(path, encoding="utf-8") as stream:
-            return stream.read(LONGEST + 1)
+            return stream.read(LONGEST + 1), path
     except (OSError, ValueError) as error:
         raise ConfigurationError("%s: %s cannot be read: %s" % (parameter, path, error)) from None
 
@@ -90,7 +90,7 @@ def main() -> int:
     """Entry point of the executable; returns the exit code."""
     start_node("yocs_cmd_vel_mux")
     try:
-        node = VelocityMux(*read_sources(_configuration(), str(rospy.get_param("~yaml_cfg_file"))))
+        node = VelocityMux(*read_sources(*_configuration()))
     except ConfigurationError as error:
         rospy.logfatal("%s: %s", rospy.get_name(), error)
         return 1
