@@ -7,45 +7,6 @@ import pytest
 from m2wr_navigation.controllers import rollout_kernels as kernels
 
 
-def spread(costs, seeds):
-    out = np.empty(costs.shape, np.int32)
-    kernels.spread_distances(costs, np.array(seeds), np.empty(costs.size, np.int64), out)
-    return out
-
-
-def test_steps_go_round_obstacles_and_not_through():
-    costs = np.zeros((5, 5), np.uint8)
-    costs[0:4, 2] = 254
-    found = spread(costs, [(0, 0)])
-    assert found[0, 0] == 0 and found[0, 1] == 1 and found[0, 3] == 11
-    assert (found[0:4, 2] == 25).all()
-
-
-def test_enclosed_cells_are_not_reached():
-    costs = np.zeros((5, 5), np.uint8)
-    costs[1:4, 1:4] = 255
-    costs[2, 2] = 0
-    assert spread(costs, [(0, 0)])[2, 2] == 26
-
-
-def test_from_inscribed_cells_a_way_leads_out():
-    assert spread(np.full((1, 4), 253, np.uint8), [(0, 0)]).tolist() == [[0, 1, 2, 3]]
-
-
-def test_no_way_leads_through_inscribed_cells():
-    costs = np.zeros((5, 5), np.uint8)
-    costs[0:4, 2] = 253
-    found = spread(costs, [(0, 0)])
-    assert found[0, 3] == 11                # round the end, not 3
-    assert found[0:4, 2].tolist() == [2, 3, 4, 5]
-
-
-def test_without_seeds_nothing_is_reached():
-    out = np.empty((2, 2), np.int32)
-    kernels.spread_distances(np.zeros((2, 2), np.uint8), np.empty((0, 2), np.int64), np.empty(4, np.int64), out)
-    assert (out == 5).all()
-
-
 def test_a_roll_out_is_an_arc_that_begins_at_the_start():
     out = np.empty((1000, 3))
     kernels.roll_out(np.zeros(3), np.zeros(3), np.array([0.5, 0.0, 0.5]), np.full(3, np.inf), 2.0, 1000, out)
@@ -65,7 +26,7 @@ def test_poses_are_as_close_as_wanted(sample, expected):
 
 
 def test_added_costs_decide_between_equal_samples():
-    costs, grids = np.zeros((80, 80), np.uint8), np.zeros((3, 80, 80), np.int32)
+    costs, grids = np.zeros((80, 80), np.uint8), np.zeros((3, 80, 80), np.float32)
     samples = np.array([[0.2, 0.0, 0.1], [0.2, 0.0, -0.1]])
     settings = np.array([1.0, 0.025, 0.1, 1.0, 1.0, 0.0, 0.0, 0.01, 0.0, 0.0, 9.0, 0.0, 1.0, 1000.0, 0.0])
     for extra, best in (([1.0, 0.0], 1), ([0.0, 1.0], 0), ([0.0, 0.0], 0)):

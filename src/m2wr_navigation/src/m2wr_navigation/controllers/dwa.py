@@ -21,7 +21,7 @@ from m2wr_navigation.controllers.velocity_samples import AT_REST, ROUNDING, make
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Int32Array
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray
     from m2wr_navigation.controllers.controller import Situation
 
 GREATEST = 1e6              # of a parameter: samples, times and costs stay finite
@@ -142,7 +142,7 @@ class Dwa(SamplingController):
         least = max(self.values["min_vel_trans"] - ROUNDING, AT_REST, cell / self.values["sim_time"])
         return np.asarray((speeds > 0.0) & (speeds >= min(least, float(speeds.max()) - 1e-9)))
 
-    def _scored(self, situation: Situation, samples: FloatArray, drives: BoolArray, grids: Int32Array) -> _Scored:
+    def _scored(self, situation: Situation, samples: FloatArray, drives: BoolArray, grids: Float32Array) -> _Scored:
         """Return the scores of the drives, and then of the turns that are allowed beside the best one of them."""
         ahead = self._scores(situation, samples[drives], grids, self._oscillation.barred)
         least = float(ahead.totals[ahead.best]) if ahead.best >= 0 else math.inf
@@ -159,7 +159,7 @@ class Dwa(SamplingController):
         return _Scored(best, *(np.concatenate([getattr(ahead, name), getattr(turned, name)])
                                for name in ("samples", "totals", "reasons", "places")))
 
-    def _scores(self, situation: Situation, samples: FloatArray, grids: Int32Array, barred: FloatArray) -> _Scored:
+    def _scores(self, situation: Situation, samples: FloatArray, grids: Float32Array, barred: FloatArray) -> _Scored:
         """Return the scores of some samples; see ``score_samples``."""
         costmap, count = situation.costmap, len(samples)
         totals, reasons, places = np.empty(count), np.empty(count, np.int64), np.empty((count, 2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Roll-outs of velocity samples: distances over the local costmap, poses, and scores."""
+"""Roll-outs of velocity samples: poses, and scores."""
 from __future__ import annotations
 
 import math
@@ -8,94 +8,15 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
-from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
+from m2wr_navigation.controllers.distance_kernels import BLOCKED
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint_kernels import IN_UNKNOWN, OUTSIDE, outline_cost
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 #: Why a sample is rejected; 0: it is not.
 VALID, OBSTACLE, UNKNOWN, OFF_MAP, NO_WAY, BARRED, WORSE = 0, 1, 2, 3, 4, 5, 6
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def spread_distances(costs: Uint8Array, seeds: IndexArray, queue: IndexArray, out: Int32Array) -> None:
-    """Compute the number of steps between cells with a common side, to the nearest one of some cells.
-
-    Parameters
-    ----------
-    costs : (H, W) uint8
-        Lethal and unknown cells are not entered. From inscribed cells a way leads out, by which a robot that has come
-        near to a wall finds back; no way leads in, since it would be a short cut that the robot cannot take.
-    seeds : (K, 2) int64
-        Row and column, within the grid.
-    queue : (H * W,) int64
-        Working memory.
-    out : (H, W) int32
-        Written: steps; H * W in cells that are not entered, H * W + 1 where no way leads.
-    """
-    rows, columns = costs.shape
-    unreached = rows * columns + 1
-    out[:] = unreached
-    last = 0
-    for k in range(len(seeds)):
-        row, column = seeds[k, 0], seeds[k, 1]
-        if out[row, column] == unreached:
-            out[row, column] = 0
-            queue[last] = row * columns + column
-            last += 1
-    first = 0
-    while first < last:
-        index = queue[first]
-        last = _enter_neighbours(costs, index, False, queue, last, out)
-        if last < 0:
-            queue[first] = ~index       # it has an inscribed neighbour
-            last = ~last
-        first += 1
-    # a second pass into inscribed cells: both parts of the queue are in order of distance
-    whole, free, inscribed = last, 0, last
-    while free < whole or inscribed < last:
-        if free < whole and queue[free] >= 0:
-            free += 1
-        elif inscribed >= last or (free < whole and _of(out, ~queue[free]) <= _of(out, queue[inscribed])):
-            last = _enter_neighbours(costs, ~queue[free], True, queue, last, out)
-            free += 1
-        else:
-            last = _enter_neighbours(costs, queue[inscribed], True, queue, last, out)
-            inscribed += 1
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _of(grid: Int32Array, index: int) -> int:
-    """Return the value of a cell by its number."""
-    return grid[index // grid.shape[1], index % grid.shape[1]]
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _enter_neighbours(costs: Uint8Array, index: int, inscribed: bool, queue: IndexArray, last: int,
-                      out: Int32Array) -> int:
-    """Append the neighbours of a cell that are entered from it, all inscribed or none.
-
-    Returns the queue's new end; in the pass that leaves out inscribed cells, inverted (negative) if there is one.
-    """
-    rows, columns = costs.shape
-    blocked, unreached = rows * columns, rows * columns + 1
-    row, column = index // columns, index % columns
-    left_out = False
-    for side in range(4):
-        next_row, next_column = row + (side == 0) - (side == 1), column + (side == 2) - (side == 3)
-        if not (0 <= next_row < rows and 0 <= next_column < columns) or out[next_row, next_column] != unreached:
-            continue
-        cost = costs[next_row, next_column]
-        if cost == LETHAL or cost == NO_INFORMATION:
-            out[next_row, next_column] = blocked
-        elif inscribed or cost != INSCRIBED:
-            out[next_row, next_column] = out[row, column] + 1
-            queue[last] = next_row * columns + next_column
-            last += 1
-        else:
-            left_out = True
-    return ~last if left_out else last
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -174,12 +95,12 @@ def poses_after(samples: FloatArray, start: FloatArray, velocity: FloatArray, ac
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _at(grid: Int32Array, resolution: float, origin: FloatArray, x: float, y: float) -> int:
+def _at(grid: Float32Array, resolution: float, origin: FloatArray, x: float, y: float) -> float:
     """Return the value of the cell at a point, or -1 off the grid."""
     across, up = (x - origin[0]) / resolution, (y - origin[1]) / resolution
     if not (0.0 <= across < grid.shape[1] and 0.0 <= up < grid.shape[0]):
-        return -1
-    return grid[int(up), int(across)]
+        return -1.0
+    return float(grid[int(up), int(across)])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -207,7 +128,7 @@ def _outline(costs: Uint8Array, resolution: float, origin: FloatArray, footprint
 @njit(cache=True, nogil=True, error_model='numpy')
 def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, start: FloatArray,
                   velocity: FloatArray, acceleration: FloatArray, settings: FloatArray, costs: Uint8Array,
-                  resolution: float, origin: FloatArray, footprint: FloatArray, grids: Int32Array, totals: FloatArray,
+                  resolution: float, origin: FloatArray, footprint: FloatArray, grids: Float32Array, totals: FloatArray,
                   reasons: IndexArray, places: FloatArray) -> int:
     """Return the index of the best velocity sample, or -1 if none is valid.
 
@@ -229,8 +150,8 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
         The local costmap.
     footprint : (K, 2) float64
         Padded corners [m].
-    grids : (3, H, W) int32
-        Distances to the path, to the goal, and to the goal moved ahead, as of :func:`spread_distances`.
+    grids : (3, H, W) float32
+        Distances to the path, to the goal, and to the goal moved ahead, in cells, as of ``spread_distances``.
     totals : (N,) float64
         Written: the cost of each valid sample.
     reasons : (N,) int64
@@ -241,7 +162,7 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
     duration, granularity, turn_granularity, path_scale, goal_scale, front_scale, align_scale = settings[:7]
     obstacle_scale, twirl_scale, nose, scaling_speed, scaling, fastest = settings[7:13]
     most, complete = int(settings[13]), settings[14] > 0.0
-    poses, blocked = np.empty((most, 3)), costs.shape[0] * costs.shape[1]
+    poses = np.empty((most, 3))
     scaled = np.empty_like(footprint)
     best, least = -1, math.inf
     for i in range(len(samples)):
@@ -255,12 +176,12 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
             continue
         steps = step_count(sample, duration, granularity, turn_granularity, most)
         roll_out(start, velocity, sample, acceleration, duration, steps, poses)
-        path = goal = 0
+        path = goal = 0.0
         for k in range(steps):
             path = _at(grids[0], resolution, origin, poses[k, 0], poses[k, 1])
             goal = _at(grids[1], resolution, origin, poses[k, 0], poses[k, 1])
-            if path < 0 or path >= blocked or goal >= blocked:
-                reasons[i] = OFF_MAP if path < 0 else OBSTACLE if path == blocked or goal == blocked else NO_WAY
+            if path < 0.0 or path >= BLOCKED or goal >= BLOCKED:
+                reasons[i] = OFF_MAP if path < 0.0 else OBSTACLE if path == BLOCKED or goal == BLOCKED else NO_WAY
                 places[i, 0], places[i, 1] = poses[k, 0], poses[k, 1]
                 break
         if reasons[i] != VALID:
@@ -269,7 +190,7 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
         front_x, front_y = last[0] + nose * math.cos(last[2]), last[1] + nose * math.sin(last[2])
         front = _at(grids[2], resolution, origin, front_x, front_y)
         aligned = _at(grids[0], resolution, origin, front_x, front_y)
-        if front < 0 and (front_scale > 0.0 or align_scale > 0.0):
+        if front < 0.0 and (front_scale > 0.0 or align_scale > 0.0):
             reasons[i] = OFF_MAP
             places[i, 0], places[i, 1] = front_x, front_y
             continue

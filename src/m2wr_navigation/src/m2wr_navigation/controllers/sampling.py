@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
 import numpy as np
 
 from m2wr_gmapping.frontend.pose_kernels import wrapped
-from m2wr_navigation.controllers import escape_kernels, rollout_kernels
+from m2wr_navigation.controllers import distance_kernels, escape_kernels, rollout_kernels
 from m2wr_navigation.controllers.arrival import Arrival
 from m2wr_navigation.controllers.controller import Command, Controller
 from m2wr_navigation.controllers.plan_progress import PlanProgress
@@ -19,7 +19,7 @@ from m2wr_navigation.controllers.velocity_samples import Oscillation
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, IN_UNKNOWN, OUTSIDE, outline_cost
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
     from m2wr_navigation.controllers.controller import Situation
     from m2wr_navigation.costmap.costmap import Costmap
 
@@ -61,8 +61,9 @@ class SamplingController(Controller):
         self._oscillation, self._arrival, self._progress = Oscillation(), Arrival(), PlanProgress()
         self._turns = False         # whether the turn at the goal has begun
         self._turns_here = TurnMemory()
-        self._grids: Int32Array = np.zeros((3, 0, 0), np.int32)
-        self._queue: IndexArray = np.zeros(0, np.int64)
+        self._grids: Float32Array = np.zeros((3, 0, 0), np.float32)
+        self._queues: IndexArray = np.zeros((4, 0), np.int64)
+        self._passes: Uint8Array = np.zeros((0, 0), np.uint8)
 
     @property
     @abstractmethod
@@ -217,7 +218,7 @@ class SamplingController(Controller):
                                  values["sim_time"], steps, out)
         return out[:steps]
 
-    def fill_grids(self, situation: Situation, used: FloatArray, nose: float) -> Int32Array:
+    def fill_grids(self, situation: Situation, used: FloatArray, nose: float) -> Float32Array:
         """Return the distances (3, H, W) to the plan, to its end, and to its end moved ahead, in cells.
 
         Parameters
@@ -230,29 +231,33 @@ class SamplingController(Controller):
         """
         costmap, shape = situation.costmap, situation.costmap.costs.shape
         if self._grids.shape[1:] != shape:
-            self._grids, self._queue = np.zeros((3,) + shape, np.int32), np.zeros(shape[0] * shape[1], np.int64)
+            self._grids, self._passes = np.zeros((3,) + shape, np.float32), np.zeros(shape, np.uint8)
+            self._queues = np.zeros((4, 4 * shape[0] * shape[1]), np.int64)
         cells = _dense_cells(costmap, used)
         away = used[-1, :2] - situation.pose[:2]
         direction = math.atan2(away[1], away[0])
         front = used[-1, :2] + nose * np.array([math.cos(direction), math.sin(direction)])
-        ahead = _dense_cells(costmap, np.vstack([used[-1, :2], front]))
-        for grid, seeds in zip(self._grids, (cells, cells[-1:], ahead[-1:] if len(ahead) else cells[-1:])):
-            rollout_kernels.spread_distances(costmap.costs, seeds, self._queue, grid)
+        ahead = _dense_cells(costmap, np.vstack([used[-1, :2], front]))[-1:]
+        moved = len(ahead) and len(cells) and (ahead != cells[-1:]).any()
+        for grid, seeds in zip(self._grids, (cells, cells[-1:], ahead) if moved else (cells, cells[-1:])):
+            distance_kernels.spread_distances(costmap.costs, seeds, self._queues, self._passes, grid)
+        if not moved:
+            self._grids[2] = self._grids[1]
         return self._grids
 
 
-def cost_cloud(costmap: Costmap, grids: Int32Array, scales: Tuple[float, float, float]) -> FloatArray:
+def cost_cloud(costmap: Costmap, grids: Float32Array, scales: Tuple[float, float, float]) -> FloatArray:
     """Return x, y, z, path, goal, obstacle and total cost (P, 7) of the cells that have a way to the plan.
 
     Parameters
     ----------
     costmap : Costmap
-    grids : (3, H, W) int32
+    grids : (3, H, W) float32
     scales : (float, float, float)
         Of the distances to the plan and to its end, in cells, and of the costs.
     """
     path, goal, cell = grids[0], grids[1], costmap.resolution
-    rows, columns = np.nonzero((path < path.size) & (goal < goal.size))
+    rows, columns = np.nonzero((path < distance_kernels.BLOCKED) & (goal < distance_kernels.BLOCKED))
     parts = (scales[0] * path[rows, columns], scales[1] * goal[rows, columns], scales[2] * costmap.costs[rows, columns])
     return np.column_stack([costmap.origin[0] + (columns + 0.5) * cell, costmap.origin[1] + (rows + 0.5) * cell,
                             np.zeros(len(rows)), *parts, sum(parts)]).astype(np.float32)
