@@ -7,7 +7,8 @@ from m2wr_navigation.controllers.distance_kernels import BLOCKED, spread_distanc
 
 def spread(costs, seeds):
     out = np.empty(costs.shape, np.float32)
-    spread_distances(costs, np.array(seeds, np.int64).reshape(-1, 2), np.empty((4, 4 * costs.size), np.int64), np.empty(costs.shape, np.uint8), out)
+    spread_distances(costs, np.array(seeds, np.int64).reshape(-1, 2), np.empty((4, 4 * costs.size), np.int64),
+                     np.empty(costs.shape, np.uint8), out)
     return out
 
 
