@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     Int32Array = NDArray[np.int32]
     Int16Array = NDArray[np.int16]
     Int8Array = NDArray[np.int8]
+    Uint32Array = NDArray[np.uint32]
     Uint16Array = NDArray[np.uint16]
     Uint8Array = NDArray[np.uint8]
     BoolArray = NDArray[np.bool_]

@@ -20,7 +20,7 @@ from m2wr_node.kernel_progress import KernelProgress
 from m2wr_view.outlines import Outline
 
 
-def small_costmap(rolling: bool = False, overwrite: bool = False) -> LayeredCostmap:
+def small_costmap(rolling: bool = False, overwrite: bool = False, kind: str = "ObstacleLayer") -> LayeredCostmap:
     """Return an updated costmap of 4 x 4 m with an obstacle, a map and inflation.
 
     Parameters
@@ -28,13 +28,15 @@ def small_costmap(rolling: bool = False, overwrite: bool = False) -> LayeredCost
     rolling : bool
     overwrite : bool
         Whether obstacles replace the costs of the map.
+    kind : str
+        Type of the layer with the obstacle.
     """
     costmap = LayeredCostmap("map", (4.0, 4.0), 0.1, (0.0, 0.0), rolling, True)
     costmap.set_footprint(circle(0.2))
     for name, given in (("StaticLayer", {"use_maximum": overwrite}),
-                        ("ObstacleLayer", {"combination_method": 0 if overwrite else 1}), ("InflationLayer", {})):
-        kind = registry.find(registry.LAYERS, name)
-        costmap.add(kind(name, read(kind.PARAMETERS, given, name)[0]))
+                        (kind, {"combination_method": 0 if overwrite else 1}), ("InflationLayer", {})):
+        made = registry.find(registry.LAYERS, name)
+        costmap.add(made(name, read(made.PARAMETERS, given, name)[0]))
     static = costmap.static_layer()
     assert static is not None
     static.set_map(np.zeros((40, 40), np.int8), 0.1, np.zeros(3), "map")
@@ -47,11 +49,14 @@ def small_costmap(rolling: bool = False, overwrite: bool = False) -> LayeredCost
 
 def compile_costmap_kernels() -> None:
     """Update costmaps of each kind."""
-    for rolling in (False, True):
-        costmap = small_costmap(rolling, overwrite=rolling)
-        grid = costmap.snapshot()
-        outline_cost(grid.costs, grid.resolution, grid.origin, costmap.footprint, 2.0, 2.0, 0.0)
-        costmap.clear_area(["ObstacleLayer"], np.array([2.0, 2.0, 0.0]), 1.0, True)
+    for kind in ("ObstacleLayer", "VoxelLayer"):
+        for rolling in (False, True):
+            costmap = small_costmap(rolling, rolling, kind)
+            grid = costmap.snapshot()
+            outline_cost(grid.costs, grid.resolution, grid.origin, costmap.footprint, 2.0, 2.0, 0.0)
+            costmap.clear_area([kind], np.array([2.0, 2.0, 0.0]), 1.0, True)
+            for layer in costmap.obstacle_layers():
+                layer.configure(layer.values)
 
 
 def compile_planner_kernels() -> None:

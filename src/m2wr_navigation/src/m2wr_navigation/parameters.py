@@ -26,6 +26,8 @@ class Parameter:
         One sentence.
     changeable : bool
         Whether dynamic_reconfigure offers it.
+    refuses_below : bool
+        Whether a number below the range is refused, because the lower end would make no sense in its place.
     """
 
     default: Any
@@ -34,6 +36,7 @@ class Parameter:
     high: float
     meaning: str
     changeable: bool = True
+    refuses_below: bool = False
 
 
 class Configurable:
@@ -118,7 +121,7 @@ def converted(parameter: Parameter, value: object) -> Any:
     """Return a value in the parameter's type and range, or None if it cannot be used.
 
     Integers become floats, whole floats integers, 0 and 1 truth values, and a number outside the range the nearest
-    end, as in dynamic_reconfigure.
+    end, as in dynamic_reconfigure, unless it is below the range of a parameter that refuses this.
 
     Parameters
     ----------
@@ -134,7 +137,7 @@ def converted(parameter: Parameter, value: object) -> Any:
     if isinstance(default, bool):
         return bool(value) if isinstance(value, (bool, int)) and value in (0, 1) else None
     amount = number(value)
-    if amount is None or math.isnan(amount):
+    if amount is None or math.isnan(amount) or (parameter.refuses_below and amount < parameter.low):
         return None
     amount = min(max(amount, parameter.low), parameter.high)
     if isinstance(default, int):

@@ -53,6 +53,7 @@ RECOVERIES: Dict[str, str] = {
 LAYERS: Dict[str, str] = {
     "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",
     "costmap_2d::ObstacleLayer": "m2wr_navigation.costmap.obstacle_layer:ObstacleLayer",
+    "costmap_2d::VoxelLayer": "m2wr_navigation.costmap.voxel_layer:VoxelLayer",
     "costmap_2d::InflationLayer": "m2wr_navigation.costmap.inflation_layer:InflationLayer",
 }
 

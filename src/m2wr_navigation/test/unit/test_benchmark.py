@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from m2wr_navigation.benchmark import command, grids, localization
+from m2wr_navigation.benchmark import command, grids, layers, localization
 
 
 @pytest.mark.parametrize("name", ["open", "blocks", "rooms"])
@@ -43,3 +43,8 @@ def test_dwa_takes_less_than_half_of_the_original():
 def test_amcl_takes_less_than_a_fifth_of_the_original():
     # a tenth on a machine that does nothing else
     assert localization.field_time(3000, 60, 0) < 0.2 * localization.ORIGINAL_MS[3000, 60]
+
+
+@pytest.mark.parametrize("name", ["ObstacleLayer", "VoxelLayer"])
+def test_a_layer_takes_a_cloud_in_less_than_a_fifth_of_a_cycle(name):
+    assert layers.layer_time(name, "cloud", 0) < 0.2 * 1e3 / 5.0, "of update_frequency 5 Hz"

@@ -56,13 +56,18 @@ def test_a_source_beside_the_layer_beats_a_written_one():
     assert layers["obstacle_layer"].given["enabled"] is False
 
 
-def test_a_voxel_layer_works_as_an_obstacle_layer_and_says_so():
-    given = dict(OLD, map_type="voxel", z_voxels=10, obstacle_layer={"mark_threshold": 2})
+def test_old_files_give_their_heights_to_the_voxel_layer():
+    heights = {"origin_z": 0.1, "z_resolution": 0.1, "z_voxels": 8, "unknown_threshold": 4, "mark_threshold": 1,
+               "publish_voxel_map": True}
+    given = dict(OLD, map_type="voxel", obstacle_layer={"mark_threshold": 2}, **heights)
     layers, warnings = by_name(given)
-    assert layers["obstacle_layer"].kind == "costmap_2d::ObstacleLayer"
-    assert len(warnings) == 1 and warnings[0].endswith("mark cells; no effect: z_voxels, mark_threshold")
-    assert not any("z_voxels" in sentence for sentence in unknown_names(given, list(layers.values()), "~"))
-    assert "no effect" not in by_name(dict(OLD, map_type="voxel"))[1][0]
+    assert layers["obstacle_layer"].kind == "costmap_2d::VoxelLayer" and not warnings
+    assert {name: layers["obstacle_layer"].given[name] for name in heights} == dict(heights, mark_threshold=2)
+    assert unknown_names(given, list(layers.values()), "~map") == []
+    flat = dict(given, map_type="costmap")
+    assert not set(by_name(flat)[0]["obstacle_layer"].given) & (set(heights) - {"mark_threshold"})
+    assert unknown_names(flat, list(by_name(flat)[0].values()), "~map") == [
+        "parameter ~map/obstacle_layer/mark_threshold has no effect"]
 
 
 @pytest.mark.parametrize("plugins", ["static", [{"name": "a"}], [3], [{"name": 1, "type": "x"}]])

@@ -16,11 +16,12 @@ def compiled():
     return {name: len(kernel.signatures) for name, kernel in kernels("m2wr_navigation").items()}
 
 
-def test_costmaps_compile_nothing_after_the_warm_up():
+@pytest.mark.parametrize("kind", ["ObstacleLayer", "VoxelLayer"])
+def test_costmaps_compile_nothing_after_the_warm_up(kind):
     compile_kernels()
     before = compiled()
     assert len(before) > 10
-    costmap = small_costmap(rolling=True)
+    costmap = small_costmap(rolling=True, kind=kind)
     seen = Observation(1.0, np.zeros(3), np.ones((5, 3)), np.ones((5, 3)))
     costmap.obstacle_layers()[0].sources["laser"].add(seen, 1.0)
     costmap.update(np.array([2.5, 2.0, 1.0]), 1.0)

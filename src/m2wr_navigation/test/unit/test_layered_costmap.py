@@ -5,48 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_navigation import registry
+from layer_scene import CORNERS, MIDDLE, RESOLUTION, costmap, laser, layer, see
 from m2wr_navigation.costmap.layer import Window
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
-from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
 from m2wr_navigation.costmap.static_layer import MapError
-from m2wr_navigation.parameters import read
-
-CORNERS = np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])
-RESOLUTION = 0.1
 
 
-def layer(kind, **given):
-    made = registry.find(registry.LAYERS, kind)
-    return made(kind, read(made.PARAMETERS, given, "~" + kind)[0])
-
-
-def laser(**given):
-    given = dict(dict(clearing=True, obstacle_range=4.0, raytrace_range=4.5), **given)
-    return Source("laser", read(SOURCE_PARAMETERS, given, "~laser")[0])
-
-
-def costmap(*layers, size=(6.0, 6.0), origin=(0.0, 0.0), rolling=False, track_unknown=False):
-    made = LayeredCostmap("odom", size, RESOLUTION, origin, rolling, track_unknown)
-    made.set_footprint(CORNERS)
-    for each in layers:
-        made.add(each)
-    return made
-
-
-def see(source, stamp, points, sensor=(3.0, 3.0, 0.3), free=()):
-    source.add(Observation(stamp, np.array(sensor), np.array(points, float).reshape(-1, 3),
-                           np.array(free, float).reshape(-1, 3)), stamp)
-
-
-@pytest.fixture
-def obstacles():
-    made = layer("ObstacleLayer")
+@pytest.fixture(params=["ObstacleLayer", "VoxelLayer"])
+def obstacles(request):
+    made = layer(request.param)
     made.sources["laser"] = laser()
     return made
-
-
-MIDDLE = np.array([3.0, 3.0, 0.0])
 
 
 def test_a_mark_is_inflated_and_stays_until_a_ray_clears_it(obstacles):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Callable, Iterator, List, Mapping, Optional, T
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.benchmark import grids, localization
+from m2wr_navigation.benchmark import grids, layers, localization
 from m2wr_navigation.benchmark.reference import NAMES, NoReferenceError, reference_path
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
@@ -232,6 +232,10 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
         for radius in (6, 11, 20):
             yield inflation_row(costs, radius)
     yield cycle_row(seed)
+    for name in ("ObstacleLayer", "VoxelLayer"):
+        for sight, count in layers.POINTS.items():
+            yield Row("{}, 120 x 120 cells, {} of {} points".format(name, sight, count),
+                      layers.layer_time(name, sight, seed), None, "mean")
     yield controller_row(seed, "DWAPlannerROS", _DWA, 6.6)
     yield controller_row(seed, "TrajectoryPlannerROS", {"holonomic_robot": False}, None)
     for (particles, beams), original in localization.ORIGINAL_MS.items():

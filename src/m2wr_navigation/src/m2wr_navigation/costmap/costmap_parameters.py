@@ -36,12 +36,12 @@ _STATIC = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_un
            "subscribe_to_updates", "use_maximum", "trinary_costmap")
 _OBSTACLE = ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space", "observation_sources",
              "footprint_clearing_enabled", "combination_method")
+_VOXEL = (*_OBSTACLE, "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold",
+          "publish_voxel_map")
 _INFLATION = ("cost_scaling_factor", "inflation_radius", "inflate_unknown")
-_OWNED = {"StaticLayer": _STATIC, "ObstacleLayer": _OBSTACLE, "VoxelLayer": _OBSTACLE, "InflationLayer": _INFLATION}
-# of the columns of a VoxelLayer
-_HEIGHTS = ("origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
+_OWNED = {"StaticLayer": _STATIC, "ObstacleLayer": _OBSTACLE, "VoxelLayer": _VOXEL, "InflationLayer": _INFLATION}
 _KNOWN_BESIDE = {"plugins", "static_map", "map_type", "footprint_topic", "published_footprint_topic", "obstacle_range",
-                 "raytrace_range", "footprint_layer", "groups", *_HEIGHTS}
+                 "raytrace_range", "footprint_layer", "groups"}
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,6 @@ def layer_settings(given: Mapping[str, Any], place: str) -> Tuple[List[LayerSett
         merged.update(own if isinstance(own, dict) else {})
         if short in ("ObstacleLayer", "VoxelLayer"):        # what the start before has written must not win
             merged.update((source, given[source]) for source in _sources(given) if isinstance(given.get(source), dict))
-        if short == "VoxelLayer":
-            heights = [each for each in _HEIGHTS if each in merged or each in given]
-            warnings.append("layer {}/{}: a VoxelLayer works here as an ObstacleLayer: points between "
-                            "min_obstacle_height and max_obstacle_height mark cells{}".format(
-                                place, name, "; no effect: " + ", ".join(heights) if heights else ""))
-            kind = "costmap_2d::ObstacleLayer"
         layers.append(LayerSetting(name, kind, merged))
     return layers, warnings
 

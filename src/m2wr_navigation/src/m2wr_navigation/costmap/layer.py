@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Mapping, Tuple
+from typing import TYPE_CHECKING, Any, ClassVar, List, Mapping, Tuple
 
 import numpy as np
 
@@ -84,6 +84,11 @@ class Layer(Configurable, ABC):
         Its name in the list of layers, which is the namespace of its parameters.
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
+
+    Attributes
+    ----------
+    remarks : list of str
+        Sentences for the log. Who runs the layer tells them, and takes them away.
     """
 
     #: Whether it holds obstacles that sensors see, which recovery behaviours may clear.
@@ -91,6 +96,7 @@ class Layer(Configurable, ABC):
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
         self.name = name
+        self.remarks: List[str] = []
         super().__init__(values)
 
     @property

@@ -189,6 +189,14 @@ class LayeredCostmap:
         with self.lock:
             self._renewed, self._was_updated = True, False
 
+    def take_remarks(self) -> List[str]:
+        """Return what layers want to have told, each sentence with the name of its layer in front, and forget it."""
+        found = []
+        for layer in self.layers:
+            found += ["{}: {}".format(layer.name, sentence) for sentence in layer.remarks]
+            layer.remarks.clear()
+        return found
+
     def obstacle_layers(self) -> List[ObstacleLayer]:
         """Return the layers that hold obstacles."""
         return [layer for layer in self.layers if isinstance(layer, ObstacleLayer)]

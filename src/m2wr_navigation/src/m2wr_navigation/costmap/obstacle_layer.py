@@ -2,7 +2,7 @@
 """The layer of obstacles that sensors see."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from m2wr_navigation.costmap.shift import shifted
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_navigation.costmap.observation import Observation, Source
 
 OVERWRITE, MAXIMUM = 0, 1           # values of combination_method
@@ -69,28 +69,41 @@ class ObstacleLayer(Layer):
         changed, self._cleared = self._cleared, Window.empty()
         if not self.enabled:
             return window.union(changed)
-        grid, bounds = self._grid, no_bounds()
-        seen = [(source.values, observation) for source in self.sources.values()
-                for observation in source.current(now)]
-        for values, observation in seen:
-            if values["clearing"]:
-                for ends in (observation.points, observation.free_ends):
-                    obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends, observation.sensor,
-                                           values["raytrace_range"], bounds)
-        for values, observation in seen:
-            if values["marking"]:
-                self._mark(values, observation, bounds)
+        bounds = no_bounds()
+        seen = [(source, observation) for source in self.sources.values() for observation in source.current(now)]
+        for source, observation in seen:
+            if source.values["clearing"]:
+                self._free(source, observation, bounds)
+        for source, observation in seen:
+            if source.values["marking"]:
+                self._mark(source, observation, bounds)
         if self.values["footprint_clearing_enabled"] and len(self._footprint):
-            corners = footprint.placed(self._footprint, pose)
-            footprint_kernels.fill_polygon(grid.costs, grid.resolution, grid.origin, corners, FREE)
-            changed = changed.union(self._around(corners))
+            changed = changed.union(self._vacate(footprint.placed(self._footprint, pose)))
         return window.union(changed).union(Window.of(bounds))
 
-    def _mark(self, values: Mapping[str, Any], observation: Observation, bounds: Any) -> None:
-        obstacle_kernels.mark(
-            self._grid.costs, self._grid.resolution, self._grid.origin, observation.points, observation.sensor,
-            values["obstacle_range"], values["min_obstacle_height"],
-            min(values["max_obstacle_height"], self.values["max_obstacle_height"]), bounds)
+    def _free(self, source: Source, observation: Observation, bounds: IndexArray) -> None:
+        """Clear what the rays of an observation go through; grow bounds (4,) by the changes."""
+        grid = self._grid
+        for ends in (observation.points, observation.free_ends):
+            obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends, observation.sensor,
+                                   source.values["raytrace_range"], bounds)
+
+    def _mark(self, source: Source, observation: Observation, bounds: IndexArray) -> None:
+        """Mark what an observation shows; grow bounds (4,) by the changes."""
+        grid = self._grid
+        obstacle_kernels.mark(grid.costs, grid.resolution, grid.origin, observation.points, observation.sensor,
+                              source.values["obstacle_range"], *self._height_limits(source), bounds)
+
+    def _height_limits(self, source: Source) -> Tuple[float, float]:
+        """Return the least and the greatest height of points of a source that mark [m]."""
+        return source.values["min_obstacle_height"], min(source.values["max_obstacle_height"],
+                                                         self.values["max_obstacle_height"])
+
+    def _vacate(self, corners: FloatArray) -> Window:
+        """Free the cells below the robot, whose corners (K, 2) are in the costmap's frame [m]; return their window."""
+        grid = self._grid
+        footprint_kernels.fill_polygon(grid.costs, grid.resolution, grid.origin, corners, FREE)
+        return self._around(corners)
 
     def _around(self, corners: FloatArray) -> Window:
         """Return the window of the cells around corners (K, 2) [m]."""

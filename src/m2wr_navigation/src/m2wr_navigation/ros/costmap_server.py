@@ -30,12 +30,14 @@ from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import Source
 from m2wr_navigation.costmap.obstacle_layer import ObstacleLayer
 from m2wr_navigation.costmap.static_layer import MapError, StaticLayer
+from m2wr_navigation.costmap.voxel_layer import VoxelLayer
 from m2wr_navigation.overruns import OverrunMonitor
 from m2wr_navigation.parameters import read
 from m2wr_navigation.ros.grid_messages import grid_message, update_message
 from m2wr_navigation.ros.reconfigure import serve
 from m2wr_navigation.ros.sensor_input import SensorInput
 from m2wr_navigation.ros.transforms import TransformError, Transforms, yaw_of
+from m2wr_navigation.ros.voxel_outputs import VoxelOutputs
 from m2wr_node.ros.transform_buffer import frame
 
 if TYPE_CHECKING:
@@ -84,6 +86,7 @@ class CostmapServer:
             time.thread_time)
         self._take_footprint()
         self._inputs: List[SensorInput] = []
+        self._voxels: List[VoxelOutputs] = []
         self._keep: List[Any] = []              # subscribers and servers
         self.fault = "no update yet"            # why the last update failed; empty: it did not
         self._lock = threading.Lock()
@@ -122,7 +125,7 @@ class CostmapServer:
             kind = registry.find(registry.LAYERS, setting.kind)
         except registry.UnknownPluginError as error:
             raise CostmapError("{}: {}".format(place, error)) from error
-        if "track_unknown_space" not in setting.given and kind is ObstacleLayer:
+        if "track_unknown_space" not in setting.given and issubclass(kind, ObstacleLayer):
             setting.given["track_unknown_space"] = self.values["track_unknown_space"]
         values, warnings = read(kind.PARAMETERS, setting.given, place)
         layer = kind(setting.name, values)
@@ -133,6 +136,8 @@ class CostmapServer:
                 layer.sources[name] = Source(name, settings)
                 rospy.set_param("{}/{}".format(place, name), settings)
                 self._inputs.append(SensorInput(layer.sources[name], self._transforms, self.frame))
+            if isinstance(layer, VoxelLayer):
+                self._voxels.append(VoxelOutputs(layer, place, self.frame))
         elif isinstance(layer, StaticLayer):
             self._subscribe_to_map(layer)
         for sentence in warnings:
@@ -140,8 +145,9 @@ class CostmapServer:
         self.costmap.add(layer)
 
         def take(changed: Dict[str, Any]) -> None:
-            layer.configure(changed)
-            self.costmap.refresh()
+            with self.costmap.lock:
+                layer.configure(changed)
+                self.costmap.refresh()
 
         self._keep.append(serve(place, kind.PARAMETERS, values, take))
 
@@ -293,6 +299,12 @@ class CostmapServer:
             each.deliver(now)
         window = self.costmap.update(pose, now)
         self.fault = ""
+        with self.costmap.lock:         # a change of parameters would give the columns another size
+            for outputs in self._voxels:
+                outputs.publish(rospy.Time.from_sec(now))
+            remarks = self.costmap.take_remarks()
+        for sentence in remarks:
+            rospy.logwarn("%s/%s", self._place, sentence)
         self._publish(window, pose, now)
 
     def _publish(self, window: Window, pose: FloatArray, now: float) -> None:
