@@ -13,10 +13,13 @@ import rospy
 from m2wr_bridge.errors import BridgeError
 from m2wr_bridge.ros import settings
 from m2wr_bridge.web.server import Client, Session, Settings, WebSocketServer
+from m2wr_node.listening import AddressError, free_port
 from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 log = logging.getLogger("m2wr_bridge")
+
+TRIES = 10                  # for a free port: another program may take one before the server listens
 
 
 class BridgeNode(abc.ABC):
@@ -50,7 +53,7 @@ class BridgeNode(abc.ABC):
         Parameters
         ----------
         wanted : Settings
-            With a free port.
+            With port 0 it is a free one.
         open_session : callable
             Takes a Client, returns its Session.
         title : str
@@ -63,14 +66,22 @@ class BridgeNode(abc.ABC):
         BridgeError
             If the address cannot be used.
         """
-        access = settings.access_of(wanted.host, wanted.port, self.origins)
-        try:
-            server = WebSocketServer(wanted, access, open_session, changed)
-        except OSError as error:
-            raise BridgeError("address %s:%d cannot be used: %s" % (wanted.host, wanted.port, error)) from error
-        log.info("%s server started: %s", title,
-                 settings.link("wss" if wanted.tls else "ws", wanted.host, wanted.port, access))
-        return server
+        tries = 1 if wanted.port else TRIES
+        while True:
+            tries -= 1
+            try:
+                port = free_port(wanted.host, wanted.port)
+                access = settings.access_of(wanted.host, port, self.origins)
+                server = WebSocketServer(wanted._replace(port=port), access, open_session, changed)
+            except AddressError as error:
+                raise BridgeError(str(error)) from error
+            except OSError as error:        # another program has taken the port in between
+                if tries <= 0:
+                    raise BridgeError("address %s:%d cannot be used: %s" % (wanted.host, port, error)) from error
+                continue
+            log.info("%s server started: %s", title,
+                     settings.link("wss" if wanted.tls else "ws", wanted.host, port, access))
+            return server
 
     @abc.abstractmethod
     def run(self) -> None:

@@ -18,7 +18,6 @@ from m2wr_bridge.messages.received import Received
 from m2wr_bridge.ros.bridge_node import BridgeNode, run_node
 from m2wr_bridge.ros.foxglove_graph import FoxgloveGraph, fits, patterns
 from m2wr_bridge.web.server import Client, Settings
-from m2wr_node.listening import AddressError, free_port
 
 log = logging.getLogger("m2wr_bridge")
 
@@ -53,11 +52,8 @@ class FoxgloveNode(BridgeNode):
 
     def run(self) -> None:
         """Serve until ROS ends."""
-        try:
-            port = free_port(self.host, self.port)      # before the link: 0 is a free one
-        except AddressError as error:
-            raise BridgeError(str(error)) from error
-        server = self.serve(Settings(self.host, port, subprotocols=[SUBPROTOCOL], tls=self.tls), self._open, "Foxglove")
+        server = self.serve(Settings(self.host, self.port, subprotocols=[SUBPROTOCOL], tls=self.tls), self._open,
+                            "Foxglove")
         if self._simulated:
             self._graph.subscribe("/clock", "rosgraph_msgs/Clock", self._take_clock)
         while not self.stopping.is_set():

@@ -38,12 +38,13 @@ def _warn_of_ignored() -> None:
             log.warning("parameter ~%s has no effect here (it is %r)", name, value)
 
 
-def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event) -> int:
-    """Return a port when it is free, for 0 any; while it is not, say once who has it, and look every ``pause`` s."""
+def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event) -> None:
+    """Wait until a port is free; while it is not, say once who has it, and look every ``pause`` s."""
     said = False
     while not stopping.is_set():
         try:
-            return free_port(host, port)
+            free_port(host, port)
+            return
         except AddressError as error:
             if not pause or "expected" in str(error):
                 raise BridgeError(str(error)) from error
@@ -51,7 +52,6 @@ def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event
                 log.warning("%s; looking again every %g s", error, pause)
             said = True
         stopping.wait(pause)
-    return port
 
 
 class ClientTopics:
@@ -112,11 +112,11 @@ class RosbridgeNode(BridgeNode):
             pause=settings.amount("delay_between_messages", 0.0, 60.0),
             ping=ping or None, ping_patience=settings.amount("websocket_ping_timeout", 30.0) or None,
             deflate=settings.flag("use_compression", False), tls=self.tls)
-        port = _wait_for_port(self.host, self.port, settings.amount("retry_startup_delay", 5.0), self.stopping)
+        _wait_for_port(self.host, self.port, settings.amount("retry_startup_delay", 5.0), self.stopping)
         if self.stopping.is_set():
             return
-        rospy.set_param("~actual_port", port)           # as rosbridge does, for programs that asked for port 0
-        server = self.serve(wanted._replace(port=port), self._open, "Rosbridge WebSocket", self._client_topics.change)
+        server = self.serve(wanted, self._open, "Rosbridge WebSocket", self._client_topics.change)
+        rospy.set_param("~actual_port", server.port)        # as rosbridge does, for programs that asked for port 0
         self.stopping.wait()
         server.stop()
 

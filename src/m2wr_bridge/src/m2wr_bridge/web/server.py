@@ -114,6 +114,11 @@ class WebSocketServer:
             raise started[0]
 
     @property
+    def port(self) -> int:
+        """Port at which it listens."""
+        return self._settings.port
+
+    @property
     def clients(self) -> int:
         """Number of connected clients."""
         return len(self._connections)
