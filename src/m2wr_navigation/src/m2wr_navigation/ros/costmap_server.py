@@ -157,7 +157,7 @@ class CostmapServer:
         def on_map(message: ArrayGrid) -> None:
             if layer.map is not None and layer.values["first_map_only"]:
                 return
-            info = message.info
+            info, last = message.info, layer.map
             try:
                 if len(message.data) != info.width * info.height:
                     raise MapError("it has {} cells and {} x {} of them are announced".format(
@@ -170,8 +170,11 @@ class CostmapServer:
             except MapError as error:
                 rospy.logwarn("the map on %s is not used: %s", topic, error)
                 return
-            rospy.loginfo("%s: map of %d x %d cells of %.3g m in frame %s", self.name, info.width, info.height,
-                          info.resolution, message.header.frame_id)
+            made = layer.map
+            if last is None or made is None or (made.shape, made.resolution, made.frame) != (
+                    last.shape, last.resolution, last.frame):       # a mapper sends its map every few seconds
+                rospy.loginfo("%s: map of %d x %d cells of %.3g m in frame %s", self.name, info.width, info.height,
+                              info.resolution, message.header.frame_id)
 
         def on_update(message: OccupancyGridUpdate) -> None:
             try:
