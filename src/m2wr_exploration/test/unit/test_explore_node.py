@@ -89,7 +89,7 @@ class Missing:
     def __init__(self, server=True):
         self.server = server
 
-    def wait_for_server(self, timeout):
+    def is_there(self):
         return self.server
 
     def fresh_pose(self, frame, robot, age):
@@ -98,7 +98,7 @@ class Missing:
 
 def turn(made, server=True):
     """Let the node decide once, with a map and without a robot."""
-    stub = SimpleNamespace(_map=made, _client=Missing(server), _transforms=Missing(), _values={
+    stub = SimpleNamespace(_map=made, _goals=Missing(server), _transforms=Missing(), _values={
         "robot_base_frame": "base_link", "transform_tolerance": 0.3, "planner_frequency": 1.0})
     stub._missing = lambda reason: ExploreNode._missing(stub, reason)
     return ExploreNode._turn(stub)

@@ -5,20 +5,16 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any, Dict, Tuple
 
-import actionlib
-import numpy as np
 import rospy
-from actionlib_msgs.msg import GoalStatus
-from geometry_msgs.msg import Point
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
-from std_msgs.msg import Bool, ColorRGBA, String
-from visualization_msgs.msg import Marker, MarkerArray
+from std_msgs.msg import Bool, String
+from visualization_msgs.msg import MarkerArray
 
 from m2wr_exploration import registry
 from m2wr_exploration.explorer import DONE, PARAMETERS, Decision, Explorer
 from m2wr_exploration.kernel_warm_up import compile_kernels
+from m2wr_exploration.ros.frontier_markers import FrontierMarkers
+from m2wr_exploration.ros.goals import Goals
 from m2wr_exploration.ros.map_input import TELL, MapInput
-from m2wr_gmapping.ros.message_conversion import pose_message
 from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.registry import UnknownPluginError
 from m2wr_navigation.ros.transforms import TransformError, Transforms
@@ -26,7 +22,6 @@ from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 NODE: Dict[str, Parameter] = {
@@ -40,8 +35,6 @@ NODE: Dict[str, Parameter] = {
     "strategy": text("explore_lite", "which frontier is next: " + ", ".join(registry.STRATEGIES)),
     "exit_on_done": flag(False, "whether the node ends when exploration has ended"),
 }
-RESULTS = {GoalStatus.SUCCEEDED: "succeeded", GoalStatus.ABORTED: "aborted", GoalStatus.REJECTED: "aborted",
-           GoalStatus.PREEMPTED: "preempted", GoalStatus.RECALLED: "preempted", GoalStatus.LOST: "aborted"}
 
 
 class ExploreNode:
@@ -53,14 +46,13 @@ class ExploreNode:
         self._map = MapInput(self._values["costmap_topic"], self._values["costmap_updates_topic"])
         topic = self._values["map_topic"]
         self._known = MapInput(topic, topic + "_updates") if self._explorer.values["min_corner_size"] else None
-        self._client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+        self._goals = Goals()
         self._frontiers = rospy.Publisher("~frontiers", MarkerArray, queue_size=1)
         self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
         self._lock = threading.Lock()
-        self._result: Tuple[str, str] = ("", "")
-        self._sent, self._running, self._markers, self._shown = 0, True, 0, ""
+        self._markers, self._running, self._shown = FrontierMarkers(), True, ""
         rospy.Subscriber("explore/resume", Bool, self._on_resume, queue_size=1)
-        at_shutdown(self._stop)
+        at_shutdown(self._goals.stop)
 
     def _configure(self) -> Tuple[Dict[str, Any], Explorer]:
         given = dict(rospy.get_param("~", {}) or {})
@@ -74,18 +66,13 @@ class ExploreNode:
             rospy.logwarn("%s", warning)
         return node, Explorer(values, kind(own))
 
-    def _stop(self) -> None:
-        if self._sent:
-            self._client.cancel_all_goals()
-
     def _on_resume(self, message: Bool) -> None:
         with self._lock:
             if message.data == self._running:
                 return
             self._running = message.data
             if not message.data:
-                self._client.cancel_all_goals()
-                self._result = ("preempted", "")
+                self._goals.cancel_all("preempted")
         rospy.loginfo("exploration continues" if message.data
                       else "exploration is stopped; true on explore/resume continues it")
 
@@ -103,9 +90,8 @@ class ExploreNode:
                 rate.sleep()
             except rospy.ROSTimeMovedBackwardsException:
                 rospy.logwarn("time has jumped back: exploration begins again")
-                self._client.cancel_all_goals()
+                self._goals.cancel_all()
                 self._values, self._explorer = self._configure()
-                self._result = ("", "")
             except rospy.ROSInterruptException:
                 break
         return 0
@@ -117,7 +103,7 @@ class ExploreNode:
         costmap = self._map.snapshot()
         if costmap is None:
             return self._missing("no map on {}".format(self._map.topic))
-        if not self._client.wait_for_server(rospy.Duration(0.01)):
+        if not self._goals.is_there():
             return self._missing("no action server on {}".format(rospy.resolve_name("move_base")))
         try:
             pose = self._transforms.fresh_pose(costmap.frame, self._values["robot_base_frame"],
@@ -128,15 +114,16 @@ class ExploreNode:
         with self._lock:
             if not self._running:
                 return self._show("stopped")
-            (result, why), self._result = self._result, ("", "")
+        result, why = self._goals.take()
         known = None if self._known is None else self._known.snapshot()
         if known is not None and known.frame != costmap.frame:
             rospy.logwarn_throttle(TELL, "the map on %s is in %s, the costmap in %s; corners are not looked into" % (
                 rospy.resolve_name(self._values["map_topic"]), known.frame, costmap.frame))
             known = None
         self._act(self._explorer.step(rospy.get_time(), costmap, pose, result, why, known=known), costmap)
-        if self._values["visualize"] or self._frontiers.get_num_connections():
-            self._show_frontiers()
+        if self._explorer.view is not None and (
+                self._values["visualize"] or self._frontiers.get_num_connections()):
+            self._frontiers.publish(MarkerArray(self._markers.of(self._explorer)))
         return None
 
     def _act(self, decision: Decision, costmap: Costmap) -> None:
@@ -145,10 +132,9 @@ class ExploreNode:
         begun = self._shown
         self._show(decision.state if decision.state != DONE else "done: " + self._explorer.summary)
         if decision.goal is not None:
-            self._send(decision.goal, costmap.frame)
+            self._goals.send(decision.goal, costmap.frame)
         elif decision.cancel:
-            self._sent += 1                             # the answer to the old goal does not count
-            self._client.cancel_goal()
+            self._goals.cancel()
         if decision.state == DONE and self._shown != begun:
             rospy.loginfo("Exploration stopped.")       # the words of explore_lite, which scripts look for
 
@@ -156,52 +142,6 @@ class ExploreNode:
         if state != self._shown:
             self._shown = state
             self._state.publish(String(state))
-
-    def _send(self, pose: FloatArray, frame: str) -> None:
-        goal = MoveBaseGoal()
-        goal.target_pose.header.frame_id = frame
-        goal.target_pose.header.stamp = rospy.Time.now()
-        goal.target_pose.pose = pose_message(pose)
-        self._sent += 1
-        number = self._sent
-
-        def done(status: int, _result: Any) -> None:
-            with self._lock:
-                if number == self._sent and status in RESULTS:
-                    self._result = (RESULTS[status], self._client.get_goal_status_text())
-
-        self._client.send_goal(goal, done)
-
-    # ---- pictures ----------------------------------------------------------------------------------------------
-
-    def _show_frontiers(self) -> None:
-        view = self._explorer.view
-        if view is None:
-            return
-        message, target = MarkerArray(), self._explorer.target
-        now = rospy.Time.now()
-        for number, frontier in enumerate(view.frontiers):
-            chosen = target is not None and np.hypot(*(frontier.centre - target.centre)) < 1e-6
-            aside = bool(self._explorer.aside.reason(frontier))
-            colour = ColorRGBA(0.1, 0.8, 0.2, 1.0) if chosen else (
-                ColorRGBA(0.9, 0.2, 0.1, 1.0) if aside else ColorRGBA(0.1, 0.3, 1.0, 1.0))
-            message.markers.append(self._marker(number, frontier.points, colour, now))
-        for number in range(len(view.frontiers), self._markers):
-            gone = Marker(ns="frontiers", id=number, action=Marker.DELETE)
-            gone.header.frame_id, gone.header.stamp = view.costmap.frame, now
-            message.markers.append(gone)
-        self._markers = len(view.frontiers)
-        self._frontiers.publish(message)
-
-    def _marker(self, number: int, points: FloatArray, colour: ColorRGBA, now: rospy.Time) -> Marker:
-        view = self._explorer.view
-        assert view is not None
-        marker = Marker(ns="frontiers", id=number, type=Marker.POINTS, action=Marker.ADD, color=colour)
-        marker.header.frame_id, marker.header.stamp = view.costmap.frame, now
-        marker.pose.orientation.w = 1.0
-        marker.scale.x = marker.scale.y = marker.scale.z = view.costmap.resolution
-        marker.points = [Point(x, y, 0.0) for x, y in points.tolist()]
-        return marker
 
 
 def main() -> int:
