@@ -75,10 +75,18 @@ class Teammate:
         In the frame of the map [m].
     target : (2,) float64 or None
         Centre of the frontier to which it drives [m]; None: it has none now.
+    refused : (N, 2) float64 or None
+        Centres of frontiers that it set aside, and does not bid for now [m]; None: there are none.
     """
 
     place: FloatArray
     target: Optional[FloatArray] = None
+    refused: Optional[FloatArray] = None
+
+    def refuses(self, frontier: Frontier) -> bool:
+        """Return whether it does not bid for a frontier."""
+        return self.refused is not None and bool(
+            (np.hypot(*(self.refused - frontier.centre).T) < SAME_FRONTIER).any())
 
 
 class Explorer:
@@ -154,6 +162,25 @@ class Explorer:
         if self.values["time_limit"] and now - (self._began or 0.0) > self.values["time_limit"]:
             return self._finish("time_limit of {:g} s is over".format(self.values["time_limit"]), messages)
         return self._choose(now, pose, messages, costmap, others)
+
+    def give_up(self, now: float, reason: str) -> str:
+        """Set the present frontier aside, as when the robot does not answer; it has no goal any more.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        reason : str
+
+        Returns
+        -------
+        str
+            Place of the frontier, for a message; empty: there was none.
+        """
+        target, self.target, self._goal = self.target, None, None
+        if target is None or self.view is None:
+            return ""
+        return self.aside.add(now, self.view.costmap, target, reason).place
 
     def _look(self, costmap: Costmap, pose: FloatArray, known: Optional[Costmap]) -> View:
         """Return the frontiers around the robot; if there are none, those around its start, from where it has come.
@@ -265,7 +292,8 @@ class Explorer:
             cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
             if other.target is None and cell is not None:
                 field = distances(view.costmap, cell)
-                costs.append([float(field[frontier.goal_cell]) for frontier in frontiers])
+                costs.append([math.inf if other.refuses(frontier) else float(field[frontier.goal_cell])
+                              for frontier in frontiers])
         claims = [other.target for other in others if other.target is not None]
         found = assign(np.array(costs), np.array([frontier.centre for frontier in frontiers]),
                        np.array(claims).reshape(-1, 2), AUCTION_REACH)

@@ -163,6 +163,17 @@ class SetAside:
         """Return whether a frontier may be tried at some time, even if the map does not change."""
         return all(entry.tries < self.tries for entry in self._near(frontier))
 
+    def refused(self, now: float) -> FloatArray:
+        """Return the centres (N, 2) of the entries that may not be tried now [m].
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        """
+        return np.array([entry.points.mean(axis=0) for entry in self.entries
+                         if now < entry.until or entry.tries >= self.tries]).reshape(-1, 2)
+
     def reason(self, frontier: Frontier) -> str:
         """Return why a frontier was set aside, or an empty string."""
         return next((entry.reason for entry in self._near(frontier)), "")

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_exploration.explorer import Explorer, Teammate
+from m2wr_exploration.crew import Crew
+from m2wr_exploration.explorer import Explorer
 from m2wr_exploration.frontiers import distances
 from m2wr_exploration.study.run import LIMIT, PERIOD, Drive, sight
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.right_of_way import allowed
-from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_sim.api import Sim
 
@@ -22,14 +22,11 @@ if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
     from m2wr_exploration.study.run import Sight
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_gmapping.array_types import FloatArray
 
 APART = 1.5             # m: between two robots at the start; there a third one that drives straight fits between them
 WIDE = 100              # cost above which no robot starts
-BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
 MERGED_EVERY = 1.0      # s
-STANDS = 5.0            # s: without a move of MOVED, until a robot that drives counts as one that waits
-MOVED = 0.1             # m
 
 
 @dataclass(frozen=True)
@@ -96,32 +93,31 @@ def starts(place: Place, count: int) -> List[Tuple[float, float, float]]:
 class _Team:
     """The robots of a run."""
 
-    def __init__(self, place: Place, drives: Sequence[Drive]) -> None:
+    def __init__(self, place: Place, drives: Sequence[Drive], names: Sequence[str]) -> None:
         self.place, self.drives = place, drives
+        self.crew = Crew(names, [drive.explorer for drive in drives])
         self.ended = [False] * len(drives)
         self.curve: List[Tuple[float, float]] = []
         self._merged = -math.inf
-        self._moved = [(-math.inf, np.full(2, np.inf)) for _ in drives]     # time and place of the last move
-        self._stands = [False] * len(drives)
         self._outline = drives[0].navigator.maps["local"].footprint
         self._known = self.merged()
 
     def step(self, seen: Sequence[Sight]) -> None:
         """Let every robot look, and choose a goal where one is due."""
-        places = np.array([each.pose[:2] for each in seen])
+        now, places = seen[0].time, np.array([each.pose[:2] for each in seen])
         for number, drive in enumerate(self.drives):
             drive.look(seen[number], np.delete(places, number, axis=0))
-            if np.hypot(*(places[number] - self._moved[number][1])) > MOVED:
-                self._moved[number] = seen[number].time, places[number]
-            self._stands[number] = seen[number].time - self._moved[number][0] > STANDS
-        if seen[0].time - self._merged >= MERGED_EVERY:
-            self._merged = seen[0].time
+            self.crew.see(number, now, places[number])
+            self.crew.members[number].driving = drive.driving
+        if now - self._merged >= MERGED_EVERY:
+            self._merged = now
             self._known = self.merged()
-            self.curve.append((seen[0].time, explored_share(self.place.truth, self.place.wanted, self._known)[0]))
+            self.curve.append((now, explored_share(self.place.truth, self.place.wanted, self._known)[0]))
         for number, drive in enumerate(self.drives):
-            if not self.ended[number] and drive.is_due(seen[number].time):
-                others = [Teammate(places[other], self._target(other)) for other in range(len(seen)) if other != number]
-                self.ended[number] = drive.decide(seen[number], self._occupancy(number, places), others)
+            if not self.ended[number] and drive.is_due(now):
+                self.ended[number] = drive.decide(seen[number], self.crew.occupancy(number, now, self._known),
+                                                  self.crew.others(number, now))
+                self.crew.members[number].driving = drive.driving
 
     def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
         """Return the commands of all robots, the first robot with the highest priority."""
@@ -133,25 +129,6 @@ class _Team:
             wanted.append(drive.command(each))
         velocities = [np.array([each.odometry.linear_x, each.odometry.angular_z]) for each in seen]
         return allowed(poses, velocities, wanted, self._outline, PERIOD)
-
-    def _target(self, number: int) -> Any:
-        target = self.drives[number].explorer.target
-        if self.ended[number]:
-            return self.drives[number].path[-1]          # it drives nowhere any more
-        return None if target is None else target.centre
-
-    def _occupancy(self, number: int, places: FloatArray) -> Int8Array:
-        """Return the merged map for a robot: the others that wait or stand are obstacles, those that drive are not."""
-        known = self._known
-        occupancy = np.zeros(known.shape, np.int8)
-        occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
-        reach = int(math.ceil(BODY / known.resolution))
-        for other, drive in enumerate(self.drives):
-            cell = known.cell(*places[other])
-            if other != number and (self._stands[other] or not drive.driving) and cell is not None:
-                rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
-                occupancy[rows, columns] = 100
-        return occupancy
 
     def merged(self) -> Any:
         """Return the map of all robots, merged now."""
@@ -198,7 +175,7 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
     if double:
         raise ValueError("two robots have the name {}; expected a name for each".format(", ".join(double)))
     team = _Team(place, [Drive(place, Explorer(values, strategy), given, pose)
-                         for strategy, pose in zip(strategies, poses)])
+                         for strategy, pose in zip(strategies, poses)], names)
     contacts = 0
     with Sim(place.world, seed=seed, sensing="now") as sim:
         for name, pose in zip(names, poses):

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The robots that explore together: what each has to know of the others; without ROS."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence
+
+import numpy as np
+
+from m2wr_exploration.explorer import DONE, EXPLORING, Explorer, Teammate
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_navigation.costmap.costmap import Costmap
+
+BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
+STANDS = 5.0            # s: without a move of MOVED, until a robot that drives counts as one that waits
+MOVED = 0.1             # m
+
+
+@dataclass
+class Member:
+    """One robot of a crew.
+
+    Attributes
+    ----------
+    name : str
+    explorer : Explorer
+    place : (2,) float64 or None
+        [m]; None: not known yet.
+    driving : bool
+        Whether it has a goal.
+    fault : str
+        Why it takes no part now, one clause; empty: it takes part.
+    length : float
+        Of its path so far [m].
+    """
+
+    name: str
+    explorer: Explorer
+    place: Optional[FloatArray] = None
+    driving: bool = False
+    fault: str = ""
+    length: float = 0.0
+    moved_at: float = -math.inf             # s: time of the last move of MOVED, and where it began [m]
+    moved_from: Any = None
+
+
+class Crew:
+    """All robots.
+
+    Parameters
+    ----------
+    names : sequence of str
+    explorers : sequence of Explorer
+        One for each.
+    """
+
+    def __init__(self, names: Sequence[str], explorers: Sequence[Explorer]) -> None:
+        self.members = [Member(name, explorer) for name, explorer in zip(names, explorers)]
+
+    def see(self, number: int, now: float, place: FloatArray) -> None:
+        """Take where a robot is.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        place : (2,) float64
+            [m]
+        """
+        member, place = self.members[number], np.array(place[:2], float)
+        if member.place is not None:
+            member.length += float(np.hypot(*(place - member.place)))
+        member.place = place
+        if member.moved_from is None or np.hypot(*(place - member.moved_from)) > MOVED:
+            member.moved_at, member.moved_from = now, place
+
+    def stands(self, number: int, now: float) -> bool:
+        """Return whether a robot waits, or has not moved for some time, and so is an obstacle for planners.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        """
+        member = self.members[number]
+        return not member.driving or bool(member.fault) or now - member.moved_at > STANDS
+
+    def others(self, number: int, now: float) -> List[Teammate]:
+        """Return the teammates of a robot that take part.
+
+        One that has ended claims the place where it is, and does not bid.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        """
+        found = []
+        for other, member in enumerate(self.members):
+            if other == number or member.fault or member.place is None:
+                continue
+            target = member.explorer.target
+            claim = member.place if member.explorer.state != EXPLORING else None if target is None else target.centre
+            found.append(Teammate(member.place, claim, member.explorer.aside.refused(now)))
+        return found
+
+    def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
+        """Return a map for a robot (H, W): the others that stand are obstacles, those that drive are not.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        known : Costmap
+            Of all robots, without inflation.
+        """
+        occupancy = np.zeros(known.shape, np.int8)
+        occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
+        reach = int(math.ceil(BODY / known.resolution))
+        for other, member in enumerate(self.members):
+            cell = None if member.place is None else known.cell(*member.place)
+            if other != number and cell is not None and self.stands(other, now):
+                rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
+                occupancy[rows, columns] = 100
+        return occupancy
+
+    # ---- robots that do not answer
+
+    def lose(self, number: int, now: float, reason: str) -> str:
+        """Let a robot take no part until :meth:`welcome`; its frontier is free for others.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        reason : str
+            One clause.
+
+        Returns
+        -------
+        str
+            What to tell.
+        """
+        member = self.members[number]
+        member.fault, member.driving = reason, False
+        place = member.explorer.give_up(now, reason)
+        return "{} takes no part: {}{}".format(
+            member.name, reason, "; its frontier at {} goes to another robot".format(place) if place else "")
+
+    def welcome(self, number: int) -> str:
+        """Let a robot take part; return what to tell.
+
+        Parameters
+        ----------
+        number : int
+        """
+        member = self.members[number]
+        member.fault = ""
+        return "{} takes part".format(member.name)
+
+    @property
+    def explored(self) -> bool:
+        """Whether no robot that takes part explores any more."""
+        return all(member.fault or member.explorer.state != EXPLORING for member in self.members)
+
+    @property
+    def ended(self) -> bool:
+        """Whether no robot that takes part has anything left to do."""
+        return all(member.fault or member.explorer.state == DONE for member in self.members)
+
+    def summary(self) -> str:
+        """Return why exploration has ended, and which robots took no part at the end."""
+        reasons = sorted({member.explorer.summary for member in self.members if member.explorer.summary})
+        return "; ".join((reasons or ["no robot answers"]) + [
+            "{} took no part: {}".format(member.name, member.fault) for member in self.members if member.fault])

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Crews on drawn grids: they see everything together; robots that do not answer are named, and others take over."""
+import numpy as np
+import pytest
+
+from exploration_grids import World, grid
+from m2wr_exploration.crew import BODY, STANDS, Crew
+from m2wr_exploration.explorer import DONE, PARAMETERS, Explorer
+from m2wr_exploration.registry import find
+from m2wr_navigation.parameters import read
+
+HALL = """
+##############################
+#............................#
+#............................#
+#............................#
+#............................#
+##############################"""
+LONG = 2000             # steps of a second: more than any of these explorations may take
+MIDDLE = (7.5, 1.5)
+
+
+def explorer(**given):
+    kind = find("nearest")
+    return Explorer(read(PARAMETERS, given, "~")[0], kind(read(kind.PARAMETERS, {}, "")[0]))
+
+
+def crew(count=2, **given):
+    names = ["robot%d" % (number + 1) for number in range(count)]
+    return Crew(names, [explorer(**given) for _ in names])
+
+
+class Run:
+    """Robots that are at their goal one second after it was sent, unless they are stuck."""
+
+    def __init__(self, made, world, starts):
+        self.crew, self.world = made, world
+        self.poses = [np.array([*start, 0.0]) for start in starts]
+        self.goals, self.results = [None] * len(starts), [""] * len(starts)
+        self.told, self.stuck, self.sent, self.now = [], set(), [[] for _ in starts], 0.0
+
+    def step(self):
+        for number, pose in enumerate(self.poses):
+            self.world.see(pose[0], pose[1])
+            self.crew.see(number, self.now, pose[:2])
+        for number, member in enumerate(self.crew.members):
+            if not member.fault:
+                self.decide(number, member)
+        self.now += 1.0
+
+    def decide(self, number, member):
+        decision = member.explorer.step(self.now, self.world.known, self.poses[number], self.results[number], "",
+                                        self.crew.others(number, self.now))
+        self.told += [(number, message) for message in decision.messages]
+        self.results[number] = ""
+        if decision.goal is not None:
+            self.goals[number], member.driving = decision.goal, True
+            self.sent[number].append(decision.goal)
+        elif decision.cancel:
+            self.goals[number], member.driving = None, False
+        if self.goals[number] is not None and number not in self.stuck:
+            self.poses[number], self.goals[number] = self.goals[number], None
+            self.results[number], member.driving = "succeeded", False
+
+    def whole(self):
+        for _ in range(LONG):
+            self.step()
+            if self.crew.ended:
+                return
+        pytest.fail("exploration does not end: %s" % self.told[-4:])
+
+    def seen(self):
+        return (self.world.known.costs[self.world.truth.costs == 0] == 0).all()
+
+
+def hall(count=2, **given):
+    return Run(crew(count, **given), World(HALL), [(7.0 + number, 1.0) for number in range(count)])
+
+
+def test_two_robots_see_a_hall_from_both_ends():
+    run = hall()
+    run.whole()
+    assert run.seen() and run.crew.summary() == "no reachable frontier is left"
+    assert all(run.sent) and min(member.length for member in run.crew.members) > 1.0
+    first = [goals[0][0] for goals in run.sent]
+    assert (first[0] - MIDDLE[0]) * (first[1] - MIDDLE[0]) < 0.0         # one to each side
+
+
+def test_a_robot_that_is_lost_is_named_and_the_other_takes_over():
+    run = hall()
+    run.stuck.add(0)
+    run.step()
+    place = run.crew.members[0].explorer.target.centre
+    told = run.crew.lose(0, run.now, "nothing has come on /robot1/odom for 10 s")
+    assert told == ("robot1 takes no part: nothing has come on /robot1/odom for 10 s; its frontier at ({:.2f}, {:.2f}) "
+                    "goes to another robot".format(*place))
+    run.whole()
+    assert run.seen() and len(run.sent[0]) == 1
+    assert min(np.hypot(*(goal[:2] - place)) for goal in run.sent[1]) < 4.0
+    assert run.crew.summary().endswith("robot1 took no part: nothing has come on /robot1/odom for 10 s")
+
+
+def test_a_robot_that_is_stuck_leaves_its_frontier_to_the_other():
+    run = hall(progress_timeout=5.0)
+    run.stuck.add(0)
+    run.whole()
+    assert run.seen()
+    told = [message for number, message in run.told if number == 0 and "came no nearer" in message]
+    assert told and "is set aside: the robot came no nearer within 5 s" in told[0]
+
+
+def test_what_a_teammate_set_aside_it_does_not_bid_for():
+    run = hall()
+    run.step()
+    first = run.crew.members[0].explorer
+    first.give_up(run.now, "stuck")
+    teammate = run.crew.others(1, run.now)[0]
+    assert teammate.target is None and len(teammate.refused) == 1
+    frontier = min(first.view.frontiers, key=lambda each: np.hypot(*(each.centre - teammate.refused[0])))
+    assert teammate.refuses(frontier)
+    later = run.now + first.values["retry_after"]
+    assert not run.crew.others(1, later)[0].refuses(frontier)
+
+
+def test_a_robot_that_is_back_takes_part_again():
+    made = crew()
+    made.see(1, 0.0, np.array(MIDDLE))
+    made.lose(1, 0.0, "silent")
+    assert not made.others(0, 0.0)
+    assert made.welcome(1) == "robot2 takes part" and len(made.others(0, 0.0)) == 1
+
+
+def test_without_any_robot_it_ends_and_says_so():
+    made = crew()
+    for number in range(2):
+        made.lose(number, 0.0, "silent")
+    assert made.explored and made.ended
+    assert made.summary() == "no robot answers; robot1 took no part: silent; robot2 took no part: silent"
+
+
+def test_only_robots_that_stand_are_in_the_map_of_planners():
+    known = grid("\n".join(["." * 30] * 20), 0.1)
+    made = crew()
+    for number, place in enumerate([(0.5, 0.5), (2.05, 1.05)]):
+        made.see(number, 0.0, np.array(place))
+        made.members[number].driving = True
+    assert not made.occupancy(0, STANDS, known).any()
+    drawn = made.occupancy(0, STANDS + 0.1, known)
+    cells = int(np.ceil(BODY / 0.1))
+    assert drawn[10, 20] == 100 and np.count_nonzero(drawn) == (2 * cells + 1) ** 2
+    made.see(1, STANDS, np.array([2.3, 1.05]))
+    assert not made.occupancy(0, STANDS + 0.1, known).any()
+    made.members[1].driving = False
+    assert made.occupancy(0, STANDS + 0.1, known)[10, 23] == 100
+
+
+def test_a_robot_that_has_ended_claims_its_place():
+    made = crew()
+    made.see(1, 0.0, np.array(MIDDLE))
+    made.members[1].explorer.state = DONE
+    assert made.others(0, 0.0)[0].target.tolist() == list(MIDDLE)
