@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 
 import numpy as np
 
-from m2wr_exploration.explorer import DONE, EXPLORING, Explorer, Teammate
+from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, Explorer, Teammate
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
@@ -110,6 +110,19 @@ class Crew:
             claim = member.place if member.explorer.state != EXPLORING else None if target is None else target.centre
             found.append(Teammate(member.place, claim, member.explorer.aside.refused(now)))
         return found
+
+    def share(self, number: int) -> None:
+        """Tell the others at which frontiers a robot has looked without seeing anything new; they need not look, too.
+
+        Parameters
+        ----------
+        number : int
+        """
+        for entry in self.members[number].explorer.aside.entries:
+            if entry.reason == LOOKED:
+                for other, member in enumerate(self.members):
+                    if other != number:
+                        member.explorer.aside.take(entry)
 
     def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
         """Return a map for a robot (H, W): the others that stand are obstacles, those that drive are not.

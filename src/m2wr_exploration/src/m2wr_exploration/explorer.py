@@ -40,6 +40,8 @@ SAME_GOAL = 0.1             # m: a goal that has moved less is not sent again
 SAME_FRONTIER = 0.5         # m: frontiers whose centres are nearer are one
 GROWTH = 0.5                # m^2: by which the known area has to grow to count as progress
 CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
+LOOKED = "was looked at, and shows nothing new"     # why a frontier is set aside, by any robot of a team
+TEAMMATE = 2.5              # m^2: that a teammate which stands takes from it: a disc in which the robot cannot be
 SETTLE = 3.0                # s: so long no frontier has to be left, for maps are late
 
 
@@ -221,7 +223,7 @@ class Explorer:
         if result == "aborted":
             reason = "could not be reached: " + (text or "the goal was aborted")
         elif result == "succeeded" and self._still_there(target) is not None:
-            reason = "was looked at, and shows nothing new"
+            reason = LOOKED
         elif not result and self._has_closed(costmap, target):
             reason = "the way to it has closed"
         elif not result and now - self._progress > self.values["progress_timeout"]:
@@ -263,7 +265,7 @@ class Explorer:
                 self.values["max_distance"]))
         allowed = [frontier for frontier in inside if self.aside.allows(now, frontier)]
         if not allowed:
-            return self._nothing_left(now, inside, messages, costmap)
+            return self._nothing_left(now, inside, messages, costmap, len(others))
         self._empty_since = None
         # committed to a frontier until it is gone: otherwise a robot between two equal ones turns to and fro
         kept = None if self.target is None else self._still_there(self.target)
@@ -299,7 +301,8 @@ class Explorer:
                        np.array(claims).reshape(-1, 2), AUCTION_REACH)
         return None if found[0] < 0 else frontiers[found[0]]
 
-    def _nothing_left(self, now: float, inside: List[Frontier], messages: List[str], costmap: Costmap) -> Decision:
+    def _nothing_left(self, now: float, inside: List[Frontier], messages: List[str], costmap: Costmap,
+                      teammates: int) -> Decision:
         """Wait for frontiers that may be tried later, and for ways that may open; end if there are none."""
         cancel = self._goal is not None
         self.target, self._goal = None, None
@@ -308,7 +311,7 @@ class Explorer:
             messages += self._once("all frontiers that are left were set aside; they will be tried again")
             return Decision(cancel=cancel, messages=tuple(messages))
         self._empty_since = now if self._empty_since is None else self._empty_since
-        shut = self._reachable - self._reachable_now()
+        shut = self._reachable - self._reachable_now() - TEAMMATE * teammates
         if shut > CLOSED and now - self._empty_since < self.values["retry_after"]:
             messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the "
                                    "way to open, {:g} s".format(shut, self.values["retry_after"]))

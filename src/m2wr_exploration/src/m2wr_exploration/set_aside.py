@@ -101,6 +101,18 @@ class SetAside:
         self.entries.append(made)
         return made
 
+    def take(self, entry: Entry) -> None:
+        """Take an entry of another robot, if no entry here has as many tries.
+
+        Parameters
+        ----------
+        entry : Entry
+        """
+        centre = entry.points.mean(axis=0)
+        same = [own for own in self.entries if np.hypot(*(own.points.mean(axis=0) - centre)) <= self.radius]
+        if all(own.tries < entry.tries for own in same):
+            self.entries = [own for own in self.entries if own not in same] + [entry]
+
     def forget_changed(self, costmap: Costmap, frontiers: Optional[Sequence[Frontier]] = None) -> List[Entry]:
         """Forget the frontiers around which the map has changed; return them.
 

@@ -5,7 +5,7 @@ import pytest
 
 from exploration_grids import World, grid
 from m2wr_exploration.crew import BODY, STANDS, Crew
-from m2wr_exploration.explorer import DONE, PARAMETERS, Explorer
+from m2wr_exploration.explorer import DONE, LOOKED, PARAMETERS, Explorer
 from m2wr_exploration.registry import find
 from m2wr_navigation.parameters import read
 
@@ -120,6 +120,24 @@ def test_what_a_teammate_set_aside_it_does_not_bid_for():
     assert teammate.refuses(frontier)
     later = run.now + first.values["retry_after"]
     assert not run.crew.others(1, later)[0].refuses(frontier)
+
+
+def test_what_one_robot_has_looked_at_no_other_looks_at():
+    run = hall()
+    run.step()
+    first, second = (member.explorer for member in run.crew.members)
+    costmap, frontier = first.view.costmap, first.view.frontiers[0]
+    first.aside.add(run.now, costmap, frontier, "could not be reached")
+    run.crew.share(0)
+    assert second.aside.allows(run.now, frontier)
+    entry = first.aside.add(run.now, costmap, frontier, LOOKED)
+    run.crew.share(0)
+    assert not second.aside.allows(run.now, frontier) and second.aside.entries == [entry]
+    again = second.aside.add(entry.until, costmap, frontier, LOOKED)
+    assert again.tries == entry.tries + 1
+    run.crew.share(0)
+    run.crew.share(1)
+    assert first.aside.entries == second.aside.entries == [again]
 
 
 def test_a_robot_that_is_back_takes_part_again():

@@ -118,6 +118,7 @@ class _Team:
                 self.ended[number] = drive.decide(seen[number], self.crew.occupancy(number, now, self._known),
                                                   self.crew.others(number, now))
                 self.crew.members[number].driving = drive.driving
+                self.crew.share(number)
 
     def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
         """Return the commands of all robots, the first robot with the highest priority."""
