@@ -194,6 +194,8 @@ LAUNCH_FILES = {
     "m2wr_navigation/method.launch": ["method:=tangent_bug", "goal_x:=0", "goal_y:=-4"],
     "m2wr_navigation/move_base.launch": [],
     "m2wr_exploration/explore.launch": [],
+    "m2wr_exploration/explore_team.launch": ["gui:=false", "map:=plan"],
+    "m2wr_exploration/explorer_range.launch": [],
     "multirobot_map_merge/map_merge.launch": [],
     "m2wr_elevation/elevation.launch": [],
     "motion_plan/behaviors.launch": ["des_x:=0", "des_y:=-4"],

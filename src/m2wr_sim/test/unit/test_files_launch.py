@@ -53,6 +53,25 @@ def test_best_path_starts_the_reports_nodes_and_the_chooser():
     assert not params["/gazebo/lockstep"] and load("best_path.launch", "real_time_factor:=0")[1]["/gazebo/lockstep"]
 
 
+def test_one_robot_explores_in_no_namespace():
+    nodes, params = load("explore.launch")
+    assert sorted(nodes) == ["compare_map", "explore", "gazebo", "m2wr_spawn", "move_base", "robot_state_publisher",
+                             "slam_gmapping"]
+    assert params["/slam_gmapping/save_on_exit"] == "explored" and "/robot1/tf_prefix" not in params
+
+
+@pytest.mark.parametrize("count", [2, 5, 8])
+def test_each_robot_of_a_team_has_its_nodes_in_a_namespace(count):
+    nodes, params = load("explore.launch", "robots:=%d" % count, "seed:=7", "map:=plan")
+    for number in range(1, count + 1):
+        robot = "robot%d" % number
+        assert params["/%s/slam_gmapping/seed" % robot] == 6 + number
+        assert params["/%s/move_base/global_costmap/static_layer/map_topic" % robot] == "/%s/team_map" % robot
+        assert params["/%s/map_merge/init_pose_x" % robot] == 0.0 and params["/%s/tf_prefix" % robot] == robot
+    assert (params["/explore_team/robots"], params["/explore_team/map"]) == (count, "plan")
+    assert nodes["explore_team"].required and "/robot%d/tf_prefix" % (count + 1) not in params
+
+
 def test_arguments_reach_the_nodes():
     nodes, params = load("bug2.launch", "world:=w.world", "initial_x:=1", "initial_y:=2", "initial_yaw:=3",
                          "des_pos_x:=4", "des_pos_y:=5", "real_time_factor:=6", "seed:=7", "leave_rule:=report",
@@ -201,7 +220,7 @@ def test_the_robot_may_have_another_name_and_absolute_path():
 #: Launch files that other ones include, or that run beside a simulation that has the argument.
 _PARTS = {"carriers.launch", "click_obstacles.launch", "elevation.launch", "foxglove_bridge.launch",
           "image_dump.launch", "live.launch", "record.launch", "robot_range.launch", "rosbridge_websocket.launch",
-          "explore_costmap.launch", "map_merge.launch",
+          "explore_costmap.launch", "explorer_range.launch", "map_merge.launch",
           "cmd_vel_mux.launch", "teleop.launch", "twist_mux.launch", "velocity_smoother.launch",
           "32e_points.launch", "64e_S3_points.launch", "VLP-32C_points.launch",
           "VLP16_points.launch"}

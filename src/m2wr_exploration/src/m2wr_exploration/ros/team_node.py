@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``explore_team``: several robots explore one world; maps merged, frontiers auctioned, right of way by number."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
+
+import numpy as np
+import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from m2wr_exploration import registry
+from m2wr_exploration.crew import Crew
+from m2wr_exploration.explorer import PARAMETERS, RETURNING, Explorer
+from m2wr_exploration.kernel_warm_up import compile_kernels
+from m2wr_exploration.ros.frontier_markers import FrontierMarkers
+from m2wr_exploration.ros.map_input import TELL
+from m2wr_exploration.ros.map_merge_node import init_pose
+from m2wr_exploration.ros.team_report import TeamReport
+from m2wr_exploration.ros.team_robot import TeamRobot, until_shutdown
+from m2wr_exploration.team.merging import merge
+from m2wr_exploration.team.right_of_way import allowed
+from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_navigation.costmap.footprint import FootprintError, checked, placed
+from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
+from m2wr_navigation.registry import UnknownPluginError
+from m2wr_navigation.ros.grid_messages import grid_message
+from m2wr_navigation.ros.transforms import Transforms
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
+
+if TYPE_CHECKING:
+    from m2wr_navigation.costmap.costmap import Costmap
+
+NODE: Dict[str, Parameter] = {
+    "robots": Parameter(2, "", 1, 8, "number of robots"),
+    "robot_name": text("robot", "name of the robots without their numbers, which begin at 1; also their namespaces"),
+    "robot_base_frame": text("link_chassis", "frame of each robot, without its name"),
+    "odom_frame": text("odom", "frame of the odometry of each robot, without its name"),
+    "world_frame": text("world", "frame of the merged map"),
+    "known_init_poses": flag(True, "whether map_merge/init_pose_x, init_pose_y and init_pose_yaw of each robot count; "
+                             "false is not supported: the node ends and says so"),
+    "planner_frequency": Parameter(1.0, "Hz", 0.01, 100.0, "rate at which maps are merged and goals chosen"),
+    "lost_after": Parameter(10.0, "s", 1.0, 1e6, "time without a message after which a robot takes no part"),
+    "strategy": text("tour", "which frontier is next, for a robot that is alone: " + ", ".join(registry.STRATEGIES)),
+    "map": text("", "map to write at the end, without extension, relative to the working directory of roslaunch; "
+                "empty: none"),
+    "world": text("", "world file of the simulation, for the share that was seen; empty: it is not told"),
+    "exit_on_done": flag(False, "whether the node ends when exploration has ended"),
+}
+RATE = 20.0                 # Hz: of commands, as of the odometry
+PERIOD = 0.1                # s in which a command may still be in force
+SHOWN_EVERY = 4             # commands: teammates are shown in local costmaps at 5 Hz
+
+
+class TeamError(ValueError):
+    """The team cannot be made; the message says why."""
+
+
+class TeamNode:
+    """Decides for all robots once a period, and gates their commands."""
+
+    def __init__(self) -> None:
+        given = dict(rospy.get_param("~", {}) or {})
+        place = rospy.get_name()
+        self.values, warnings = read(NODE, given, place)
+        self._explorer_values, more = read(PARAMETERS, given, place)
+        self._kind = registry.find(self.values["strategy"])
+        self._own, last = read(self._kind.PARAMETERS, given, place)
+        known = list(NODE) + list(PARAMETERS) + list(self._kind.PARAMETERS)
+        for warning in warnings + more + last + unknown(given, known, place):
+            rospy.logwarn("%s", warning)
+        if given.get("robots", self.values["robots"]) != self.values["robots"]:
+            raise TeamError("parameter ~robots is {!r}; expected a whole number from 1 to 8".format(given["robots"]))
+        if not self.values["known_init_poses"]:
+            raise TeamError("parameter ~known_init_poses is false; robots that explore together have to know where "
+                            "they began, as maps that have little in common cannot be placed on each other; set it to "
+                            "true")
+        names = ["{}{}".format(self.values["robot_name"], number + 1) for number in range(self.values["robots"])]
+        try:
+            self._starts = [init_pose(rospy.get_param("/{}/map_merge".format(name), {}), "/" + name) for name in names]
+            self._outline = checked(np.array(rospy.get_param("/{}/move_base/footprint".format(names[0]), []), float
+                                             ).reshape(-1, 2))
+        except (ValueError, FootprintError) as error:
+            raise TeamError(str(error)) from error
+        self._transforms = Transforms()
+        self._hang_on(names)
+        world, odom, base = (self.values[key] for key in ("world_frame", "odom_frame", "robot_base_frame"))
+        self.robots = [TeamRobot(name, world, "{}/{}".format(name, odom), "{}/{}".format(name, base), start,
+                                 self._transforms) for name, start in zip(names, self._starts)]
+        self._merged = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        self._frontiers = rospy.Publisher("~frontiers", MarkerArray, queue_size=1)
+        self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
+        self._markers, self._shown, self._ticks = FrontierMarkers(), "", 0
+        self._begin()
+        for robot in self.robots:
+            at_shutdown(robot.goals.stop)
+        self._timer = rospy.Timer(rospy.Duration.from_sec(1.0 / RATE), self._on_timer, reset=True)
+
+    def _hang_on(self, names: List[str]) -> None:
+        """Publish where the maps of the robots lie."""
+        transforms = []
+        for name, start in zip(names, self._starts):
+            transform = TransformStamped()
+            transform.header.stamp, transform.header.frame_id = rospy.Time.now(), self.values["world_frame"]
+            transform.child_frame_id = name + "/map"
+            pose = pose_message(start)
+            transform.transform.translation.x, transform.transform.translation.y = start[0], start[1]
+            transform.transform.rotation = pose.orientation
+            transforms.append(transform)
+        self._broadcaster = tf2_ros.StaticTransformBroadcaster()
+        self._broadcaster.sendTransform(transforms)
+
+    def _begin(self) -> None:
+        self.crew = Crew([robot.name for robot in self.robots],
+                         [Explorer(self._explorer_values, self._kind(self._own)) for _ in self.robots])
+        for member in self.crew.members:
+            member.fault = "it has not started"
+        self._known: Optional[Costmap] = None
+        self.report = TeamReport(self.values["map"], self.values["world"])
+
+    # ---- commands ----------------------------------------------------------------------------------------------
+
+    def _on_timer(self, _event: Any) -> None:
+        with until_shutdown():
+            self._drive()
+
+    def _drive(self) -> None:
+        """Send every robot the command that it may take."""
+        now, there = rospy.get_time(), []
+        for number, robot in enumerate(self.robots):
+            robot.locate()
+            pose = robot.pose
+            if pose is not None:
+                self.crew.see(number, now, pose[:2])
+                there.append((number, robot, pose))
+        wanted = []
+        for number, robot, _ in there:
+            robot.others = [pose[:2] for other, _, pose in there if other != number]
+            robot.pass_scans()
+            wanted.append((0.0, 0.0) if self.crew.members[number].fault else robot.wanted(now))
+        commands = allowed([pose for _, _, pose in there], [robot.velocity for _, robot, _ in there], wanted,
+                           self._outline, PERIOD)
+        for (_, robot, _), command in zip(there, commands):
+            robot.command(command)
+        self._ticks += 1
+        if self._ticks % SHOWN_EVERY == 0:
+            for number, robot, _ in there:
+                robot.show_teammates([placed(self._outline, pose) for other, _, pose in there if other != number])
+
+    # ---- decisions ---------------------------------------------------------------------------------------------
+
+    def spin(self) -> int:
+        """Run until the node is shut down, or exploration has ended and ``exit_on_done`` is set; return 0."""
+        rate = rospy.Rate(self.values["planner_frequency"])
+        while not rospy.is_shutdown():
+            try:
+                self._turn()
+                if self.report.told and self.values["exit_on_done"]:
+                    rospy.rostime.wallsleep(0.3)         # the last messages are on their way
+                    return 0
+                rate.sleep()
+            except rospy.ROSTimeMovedBackwardsException:
+                rospy.logwarn("time has jumped back: exploration begins again")
+                for robot in self.robots:
+                    robot.goals.cancel_all()
+                    robot.forget()
+                self._begin()
+            except rospy.ROSInterruptException:
+                break
+        return 0
+
+    def _turn(self) -> None:
+        now = rospy.get_time()
+        self._merge(now)
+        for number, robot in enumerate(self.robots):
+            self._attend(number, robot, now)
+        if self.report.begun is None or self._known is None or self.report.told:
+            return
+        for number, robot in enumerate(self.robots):
+            if not self.crew.members[number].fault:
+                self._decide(number, robot, now)
+        if self.crew.explored:
+            self.report.explored(now)
+        self._show()
+        if self.crew.ended:
+            self.report.tell(now, self.crew, self._known)
+            self._tell_state("done: " + self.crew.summary())
+            rospy.loginfo("Exploration stopped.")       # the words of explore_lite, which scripts look for
+
+    def _merge(self, now: float) -> None:
+        """Merge the maps, and publish what comes of it: for all, and for each robot."""
+        maps = [(robot.map.snapshot(), start) for robot, start in zip(self.robots, self._starts)]
+        there = [(costmap, start) for costmap, start in maps if costmap is not None]
+        if not there:
+            return
+        try:
+            self._known = merge([costmap for costmap, _ in there], [start for _, start in there],
+                                self.values["world_frame"])
+        except ValueError as error:
+            rospy.logwarn_throttle(TELL, "the maps cannot be merged: %s" % error)
+            return
+        self._merged.publish(grid_message(self._known, rospy.Time.now()))
+        for number, robot in enumerate(self.robots):
+            robot.show_known(self.crew.occupancy(number, now, self._known), self._known)
+
+    def _attend(self, number: int, robot: TeamRobot, now: float) -> None:
+        """Notice that a robot begins, is lost, or is back."""
+        member, fault = self.crew.members[number], robot.fault(now, self.values["lost_after"])
+        if fault and not member.fault:
+            robot.goals.cancel()
+            rospy.logwarn("%s", self.crew.lose(number, now, fault))
+        elif fault:
+            member.fault = fault
+            rospy.logwarn_throttle_identical(TELL, "waiting: {}: {}".format(member.name, fault))
+        elif member.fault and robot.pose is not None:
+            rospy.loginfo("%s", self.crew.welcome(number))
+            self.report.begin(now, robot.pose[:2])
+
+    def _decide(self, number: int, robot: TeamRobot, now: float) -> None:
+        member, costmap, pose = self.crew.members[number], robot.costmap.snapshot(), robot.pose
+        if costmap is None or pose is None:
+            return
+        result, why = robot.goals.take()
+        member.driving = member.driving and not result
+        decision = member.explorer.step(now, costmap, pose, result, why, self.crew.others(number, now), self._known)
+        self.crew.share(number)
+        for message in decision.messages:
+            rospy.loginfo("%s: %s", member.name, message)
+        if decision.goal is not None:
+            robot.goals.send(decision.goal, costmap.frame)
+            member.driving = True
+        elif decision.cancel:
+            robot.goals.cancel()
+            member.driving = False
+
+    # ---- what people see ---------------------------------------------------------------------------------------
+
+    def _show(self) -> None:
+        found = [marker for member in self.crew.members
+                 for marker in self._markers.of(member.explorer, member.name)]
+        self._frontiers.publish(MarkerArray(found))
+        if not self.crew.ended:
+            self._tell_state(RETURNING if self.crew.explored else "exploring")
+
+    def _tell_state(self, state: str) -> None:
+        if state != self._shown:
+            self._shown = state
+            self._state.publish(String(state))
+
+
+def main() -> int:
+    """Entry point of the executable; returns the exit code."""
+    start_node("explore_team")
+    compile_kernels()
+    try:
+        node = TeamNode()
+    except UnknownPluginError as error:
+        rospy.logfatal("parameter %s: %s", rospy.resolve_name("~strategy"), error)
+        return 1
+    except TeamError as error:
+        rospy.logfatal("%s", error)
+        return 1
+    return node.spin()
