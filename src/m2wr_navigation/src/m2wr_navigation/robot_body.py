@@ -57,8 +57,34 @@ def body_of(model: Model) -> RobotBody:
     return RobotBody(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen), _height(shapes))
 
 
+def laser_height(model: Model) -> float:
+    """Return the height of a robot's first laser above the lowest point that collides [m].
+
+    Parameters
+    ----------
+    model : Model
+
+    Raises
+    ------
+    ValueError
+        If the robot has no laser.
+    """
+    laser = _laser_pose(model)
+    if laser is None:
+        raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
+    low, _ = _extent([(collision.geometry, compose(link.pose, collision.pose))
+                      for link in model.links for collision in link.collisions])
+    return float(laser[0][2] - low)
+
+
 def _height(shapes: Sequence[Shape]) -> float:
     """Return the height of what collides [m], rounded up to a centimetre: from its lowest to its highest point."""
+    low, high = _extent(shapes)
+    return math.ceil(100.0 * (high - low) - 1e-6) / 100.0
+
+
+def _extent(shapes: Sequence[Shape]) -> Tuple[float, float]:
+    """Return the heights of the lowest and of the highest point of shapes [m]."""
     low, high = math.inf, -math.inf
     for geometry, (centre, orientation) in shapes:
         upwards = matrix_from_quaternion(orientation)[2]
@@ -75,7 +101,7 @@ def _height(shapes: Sequence[Shape]) -> float:
         else:
             continue
         low, high = min(low, centre[2] - half), max(high, centre[2] + half)
-    return math.ceil(100.0 * (high - low) - 1e-6) / 100.0
+    return low, high
 
 
 def _slice(shapes: Sequence[Shape], low: float, high: float) -> List[Outline]:

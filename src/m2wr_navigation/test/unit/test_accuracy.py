@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from m2wr_navigation.accuracy import command, scenes
+from m2wr_navigation.accuracy.driven import driven
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals, search
 from m2wr_navigation.barn.runs import move_base_parameters
 from m2wr_navigation.costmap.cost_layout import LETHAL
 
+JACKAL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "robots", "jackal_like.urdf")
 CONFIG = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "config", "m2wr.yaml")
 
 
@@ -24,6 +26,25 @@ def test_goals_are_inside_of_the_world(name):
     goals = random_goals(place, 200, 3)
     cells = np.floor((goals[:, :2] - place.origin) / place.map.resolution).astype(int)
     assert (place.cells[cells[:, 1], cells[:, 0]] == 0).all()
+
+
+def test_goals_are_in_the_largest_part_that_is_connected():
+    cells = np.zeros((60, 100), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[:, 30] = 100                          # a small room on the left
+    cells[28:32, 30] = 0                        # its door of 20 cm
+    for passage, left in ((0.15, False), (0.05, True)):
+        places = scenes.free_places(cells, np.zeros(2), 0.3, passage)
+        assert (places[:, 0] > 1.5).any() and (places[:, 0] < 1.5).any() == left
+        assert places.min() > 0.3
+
+
+def test_a_robot_is_read_from_its_description():
+    robot = driven(JACKAL)
+    assert robot.room == pytest.approx(robot.body.turning_radius + 0.25)
+    assert 0.1 < robot.height < 0.5
+    assert np.allclose(robot.parameters({"footprint": [], "x": 1})["footprint"], robot.body.hull)
+    assert driven("m2wr").room == pytest.approx(0.7)
 
 
 def test_odometry_drifts_with_the_way():
@@ -56,9 +77,26 @@ def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):
     for arguments, words in ((["--worlds", "nowhere"], "there is no such file"),
                              (["--json", str(tmp_path / "no" / "x")], "there is no such folder"),
                              (["--config", os.devnull], "expected a mapping with footprint"),
-                             (["--config", str(tmp_path / "none")], "No such file")):
+                             (["--config", str(tmp_path / "none")], "No such file"),
+                             (["--robot", str(tmp_path / "none.urdf")], "none.urdf"),
+                             (["--worlds", "%s" % _cell(tmp_path)], "has no place with 0.70 m")):
         assert command.main(arguments) == 1
         assert words in capsys.readouterr().err
+
+
+def _cell(folder):
+    """World with a free square of 1 m between four walls."""
+    walls = [(-0.58, -0.58, 0.58, -0.58), (-0.58, 0.58, 0.58, 0.58), (-0.58, -0.58, -0.58, 0.58),
+             (0.58, -0.58, 0.58, 0.58)]
+    path = folder / "cell.world"
+    path.write_text(scenes._WORLD % "".join(scenes._box(number, wall) for number, wall in enumerate(walls)))
+    return path
+
+
+def test_another_robot_reaches_goals(capsys):
+    assert command.main(["--worlds", "pillars", "--goals", "2", "--searches", "0", "--config", CONFIG, "--robot",
+                         JACKAL]) == 0
+    assert "pillars       2 of 2" in capsys.readouterr().out
 
 
 def test_old_names_of_a_controllers_parameters_count():

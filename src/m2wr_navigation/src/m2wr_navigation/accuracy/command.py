@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 import numpy as np
 import yaml
 
-from m2wr_navigation.accuracy.runs import drive_to_goals, search
+from m2wr_navigation.accuracy.driven import M2WR_DRIVEN, driven
+from m2wr_navigation.accuracy.runs import drive_to_goals, random_goals, search
 from m2wr_navigation.accuracy.scenes import NAMES, scene
 from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
@@ -19,6 +20,7 @@ from m2wr_sim.api.loading import package_folder
 from m2wr_sim.errors import SimError
 
 if TYPE_CHECKING:
+    from m2wr_navigation.accuracy.driven import Driven
     from m2wr_navigation.accuracy.scenes import Scene
 
 _HEAD = "%-10s %9s %9s %12s %12s %12s %7s %8s" % (
@@ -26,7 +28,7 @@ _HEAD = "%-10s %9s %9s %12s %12s %12s %7s %8s" % (
 
 
 def measure(place: Scene, goals: int, searches: int, seed: int, given: Mapping[str, Any],
-            limit: float) -> Dict[str, Any]:
+            limit: float, robot: Driven = M2WR_DRIVEN) -> Dict[str, Any]:
     """Return the figures of one world.
 
     Parameters
@@ -39,10 +41,11 @@ def measure(place: Scene, goals: int, searches: int, seed: int, given: Mapping[s
         Parameters of move_base; ``amcl`` holds those of amcl, if there are any.
     limit : float
         Simulated time of a search [s].
+    robot : Driven
     """
     amcl = given.get("amcl", {})
-    runs, errors = drive_to_goals(place, goals, seed, given, amcl)
-    found = [search(place, seed + number, amcl, limit) for number in range(searches)]
+    runs, errors = drive_to_goals(place, goals, seed, given, amcl, robot)
+    found = [search(place, seed + number, amcl, limit, robot) for number in range(searches)]
     times = [each.time for each in found if each.found]
     return {
         "world": place.name, "goals": len(runs), "reached": sum(run.reached for run in runs),
@@ -71,8 +74,8 @@ def line(figures: Mapping[str, Any]) -> str:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(prog="accuracy", description="Drives m2wr to random goals with amcl and move_base "
-                                     "in one process, and measures both against the truth.")
+    parser = argparse.ArgumentParser(prog="accuracy", description="Drives a robot to random goals with amcl and "
+                                     "move_base in one process, and measures both against the truth.")
     parser.add_argument("--worlds", default=",".join(NAMES), help="names or files, with commas (default %(default)s)")
     parser.add_argument("--goals", type=int, default=20, help="in each world (default %(default)s)")
     parser.add_argument("--searches", type=int, default=10, help="of a robot that may be anywhere (%(default)s)")
@@ -80,6 +83,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--seed", type=int, default=1, help="of goals, noise and particles (default %(default)s)")
     parser.add_argument("--config", default="", metavar="FILE", help="parameters of move_base, and of amcl below amcl; "
                         "config/m2wr.yaml by default")
+    parser.add_argument("--robot", default="m2wr", metavar="FILE", help="name of a robot, or its URDF, xacro or SDF file, "
+                        "with a differential drive and a laser; its footprint replaces that of --config")
     parser.add_argument("--json", default="", metavar="FILE", help="also write the figures to this file")
     options = parser.parse_args(argv)
     if options.goals < 1 or options.searches < 0 or not 0.0 < options.limit < 1e5:
@@ -90,7 +95,12 @@ def main(argv: Optional[List[str]] = None) -> int:
             given = yaml.safe_load(stream)
         if not isinstance(given, dict) or not {"footprint", "global_costmap"} <= set(given):
             raise ValueError("{}: expected a mapping with footprint and global_costmap, at least".format(stream.name))
-        scenes = [scene(name) for name in options.worlds.split(",")]
+        robot = driven(options.robot)
+        if robot is not M2WR_DRIVEN:
+            given = robot.parameters(given)
+        scenes = [scene(name, robot.height) for name in options.worlds.split(",")]
+        for place in scenes:
+            random_goals(place, 1, options.seed, robot)     # tells where there is no room, before the first drive
         if options.json:
             check_writable(options.json)
     except (OSError, SimError, ValueError, yaml.YAMLError) as error:
@@ -100,7 +110,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     figures: List[Dict[str, Any]] = []
     print(_HEAD)
     for place in scenes:
-        figures.append(measure(place, options.goals, options.searches, options.seed, given, options.limit))
+        figures.append(measure(place, options.goals, options.searches, options.seed, given, options.limit, robot))
         print(line(figures[-1]), flush=True)
         for failed in figures[-1]["failed"]:
             print("  not reached: ({:.2f}, {:.2f}, {:.2f}): {}".format(*failed["goal"], failed["outcome"]))

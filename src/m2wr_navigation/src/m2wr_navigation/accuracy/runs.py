@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any, List, Mapping, Optional, Tuple
 import numpy as np
 
 from m2wr_gmapping.se2 import between, compose
+from m2wr_navigation.accuracy.driven import M2WR_DRIVEN
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.accuracy.scenes import free_places
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS
 from m2wr_navigation.localization.beams import Beams, ScanGeometry
 from m2wr_navigation.localization.localizer import Localizer
 from m2wr_sim.api import Sim
-from motion_plan.body import LASER_X
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import RegionReader
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.accuracy.driven import Driven
     from m2wr_navigation.accuracy.scenes import Scene
     from m2wr_sim.api import StepResult
 
 PERIOD = 0.1                # s: of scans and commands
-CLEARANCE = 0.7             # m between starts and goals and the next obstacle
 LIMIT = 180.0               # s of simulated time for a goal
 START_ERROR = np.array([0.2, 0.2, 0.1])         # deviation of the first pose that amcl gets [m, m, rad]
 SETTLED = 3.0               # s after which errors count
@@ -68,10 +68,11 @@ class NoisyOdometry:
 
 
 class Robot:
-    """m2wr in a scene, with amcl.
+    """A robot in a scene, with amcl.
 
     Parameters
     ----------
+    driven : Driven
     scene : Scene
     sim : Sim
         In which it is.
@@ -80,8 +81,10 @@ class Robot:
         Parameters of amcl.
     """
 
-    def __init__(self, scene: Scene, sim: Sim, seed: int, given: Mapping[str, Any]) -> None:
+    def __init__(self, driven: Driven, scene: Scene, sim: Sim, seed: int, given: Mapping[str, Any]) -> None:
         self.sim, rng = sim, np.random.default_rng(seed)
+        x, y, yaw = driven.body.laser
+        self._laser = (x, y, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
         self.odometry = NoisyOdometry(rng)
         values = {name: parameter.default for name, parameter in PARAMETERS.items()}
         self.localizer = Localizer(scene.map, dict(values, **given), np.random.default_rng(seed))
@@ -100,7 +103,7 @@ class Robot:
         self.contacts += len(result.contacts)
         pose = self.odometry.add(np.array(odometry.pose))
         geometry = ScanGeometry(scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
-        beams = Beams.from_scan(scan.ranges.tolist(), geometry, ((LASER_X, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+        beams = Beams.from_scan(scan.ranges.tolist(), geometry, self._laser)
         outcome = self.localizer.process("laser", beams, pose)
         if outcome.map_from_odom is None:
             return None
@@ -138,22 +141,31 @@ class GoalRun:
     away: float
 
 
-def random_goals(scene: Scene, count: int, seed: int) -> FloatArray:
-    """Return places with headings (count, 3) that have some room [m, m, rad].
+def random_goals(scene: Scene, count: int, seed: int, driven: Driven = M2WR_DRIVEN) -> FloatArray:
+    """Return places with headings (count, 3) that have some room, and ways between them [m, m, rad].
 
     Parameters
     ----------
     scene : Scene
     count : int
     seed : int
+    driven : Driven
+
+    Raises
+    ------
+    ValueError
+        If there is no such place.
     """
     rng = np.random.default_rng(seed)
-    places = free_places(scene.cells, scene.origin, CLEARANCE)
+    places = free_places(scene.cells, scene.origin, driven.room, driven.passage)
+    if not len(places):
+        raise ValueError("world {} has no place with {:.2f} m to the next obstacle; expected one, for starts and "
+                         "goals".format(scene.name, driven.room))
     return np.column_stack([places[rng.integers(len(places), size=count)], rng.uniform(-math.pi, math.pi, count)])
 
 
-def drive_to_goals(scene: Scene, count: int, seed: int, given: Mapping[str, Any],
-                   amcl: Mapping[str, Any]) -> Tuple[List[GoalRun], FloatArray]:
+def drive_to_goals(scene: Scene, count: int, seed: int, given: Mapping[str, Any], amcl: Mapping[str, Any],
+                   driven: Driven = M2WR_DRIVEN) -> Tuple[List[GoalRun], FloatArray]:
     """Drive to random goals, one after the other.
 
     Parameters
@@ -166,6 +178,7 @@ def drive_to_goals(scene: Scene, count: int, seed: int, given: Mapping[str, Any]
         Parameters of move_base.
     amcl : mapping of str to object
         Parameters of amcl.
+    driven : Driven
 
     Returns
     -------
@@ -173,13 +186,13 @@ def drive_to_goals(scene: Scene, count: int, seed: int, given: Mapping[str, Any]
     errors : (N, 2) float64
         Of each scan from the third second on: distance [m], angle [rad].
     """
-    start, *goals = random_goals(scene, count + 1, seed)
+    start, *goals = random_goals(scene, count + 1, seed, driven)
     runs: List[GoalRun] = []
-    with Sim(scene.world, "m2wr", tuple(start), seed=seed, sensing="now") as sim:
-        robot = Robot(scene, sim, seed, amcl)
+    with Sim(scene.world, driven.model, tuple(start), seed=seed, sensing="now") as sim:
+        robot = Robot(driven, scene, sim, seed, amcl)
         guess = start + START_ERROR * np.random.default_rng(seed).standard_normal(3)
         robot.localizer.start_at(guess, np.diag(np.square([0.5, 0.5, 0.26])))
-        navigator = Navigator(scene, given, np.array([LASER_X, 0.0, 0.0]))
+        navigator = Navigator(scene, given, np.array(driven.body.laser))
         result = sim.step((0.0, 0.0), PERIOD)
         begun = result.time
         for goal in goals:
@@ -232,7 +245,7 @@ class Search:
     away: float
 
 
-def search(scene: Scene, seed: int, amcl: Mapping[str, Any], limit: float) -> Search:
+def search(scene: Scene, seed: int, amcl: Mapping[str, Any], limit: float, driven: Driven = M2WR_DRIVEN) -> Search:
     """Put the robot somewhere, call global localization, and let it wander.
 
     Parameters
@@ -243,14 +256,15 @@ def search(scene: Scene, seed: int, amcl: Mapping[str, Any], limit: float) -> Se
         Parameters of amcl.
     limit : float
         [s]
+    driven : Driven
 
     Returns
     -------
     Search
     """
-    start = random_goals(scene, 1, seed)[0]
-    with Sim(scene.world, "m2wr", tuple(start), seed=seed, sensing="now") as sim:
-        robot = Robot(scene, sim, seed, amcl)
+    start = random_goals(scene, 1, seed, driven)[0]
+    with Sim(scene.world, driven.model, tuple(start), seed=seed, sensing="now") as sim:
+        robot = Robot(driven, scene, sim, seed, amcl)
         robot.localizer.start_anywhere()
         avoidance, reader = ObstacleAvoidance(), RegionReader()
         result, command = sim.step((0.0, 0.0), PERIOD), np.zeros(2)

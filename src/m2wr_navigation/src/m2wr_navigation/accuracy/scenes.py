@@ -108,13 +108,15 @@ class Scene:
 NAMES = ("world01", "world02", "world03", "pillars", "house")
 
 
-def scene(name: str) -> Scene:
+def scene(name: str, height: float = LASER_HEIGHT) -> Scene:
     """Return a scene.
 
     Parameters
     ----------
     name : str
         One of NAMES, or a world as :func:`m2wr_sim.api.read_world` takes it.
+    height : float
+        Of the laser above the floor [m]; by default that of m2wr.
     """
     text = {"pillars": pillars(), "house": house()}.get(name)
     if text is not None:
@@ -125,7 +127,7 @@ def scene(name: str) -> Scene:
             world = read_world(path)
     else:
         world = read_world(name)
-    outlines = obstacle_outlines(world, LASER_HEIGHT - SLICE, LASER_HEIGHT + SLICE)
+    outlines = obstacle_outlines(world, height - SLICE, height + SLICE)
     truth = costmap_of(outlines, np.zeros((1, 2)), HALF_OF_A_WALL)
     occupied = truth.costs == LETHAL
     cells = np.where(occupied, 100, 0).astype(np.int8)
@@ -148,16 +150,29 @@ def _is_around(occupied: BoolArray) -> BoolArray:
     return _distance(around == 1) < _distance(inside) if inside.any() else np.zeros_like(occupied)
 
 
-def free_places(cells: Int8Array, origin: FloatArray, clearance: float) -> FloatArray:
-    """Return the centres (N, 2) of the cells that are so far from everything that is not free [m].
+def free_places(cells: Int8Array, origin: FloatArray, room: float, passage: float) -> FloatArray:
+    """Return the centres (N, 2) of free cells among which a robot can drive: those of the largest connected part.
 
     Parameters
     ----------
     cells : (H, W) int8
     origin : (2,) float64
         [m]
-    clearance : float
-        [m]
+    room : float
+        Least distance from everything that is not free [m].
+    passage : float
+        The same on the way between them [m]; not greater.
     """
-    rows, columns = np.nonzero(_distance(cells != 0) > clearance)
+    away = _distance(cells != 0)
+    costs = np.where(away > passage, 0, LETHAL).astype(np.uint8)
+    table = np.where(np.arange(256) == LETHAL, np.inf, 1.0).astype(np.float32)
+    left, largest = away > room, np.zeros(cells.shape, bool)
+    while left.any():
+        row, column = np.argwhere(left)[0]
+        part = connected(costs, table, (int(row), int(column)))[0] == 1
+        found = left & part
+        if np.count_nonzero(found) > np.count_nonzero(largest):
+            largest = found
+        left &= ~part
+    rows, columns = np.nonzero(largest)
     return np.stack([columns + 0.5, rows + 0.5], -1) * RESOLUTION + origin
