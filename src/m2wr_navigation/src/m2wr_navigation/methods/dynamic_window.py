@@ -32,7 +32,8 @@ class DynamicWindow(Method):
         "sim_time": Parameter(1.7, "s", 0.1, 10.0, "time that is rolled out"),
         "vx_samples": Parameter(12, "", 1, 100, "samples of the speed"),
         "vth_samples": Parameter(30, "", 1, 100, "samples of the rate of turning"),
-        "path_distance_bias": Parameter(0.6, "", 0.0, 1e6, "weight of the distance from the line to the goal"),
+        "path_distance_bias": Parameter(0.0, "", 0.0, 1e6, "weight of the distance from the line to the goal; there is "
+                                        "none in the original method"),
         "goal_distance_bias": Parameter(0.8, "", 0.0, 1e6, "weight of the distance to its end in the window"),
         "occdist_scale": Parameter(0.02, "", 0.0, 1e6, "weight of the greatest cost below the robot"),
         "padding": Parameter(0.05, "m", 0.0, 1.0, "added around the footprint"),
