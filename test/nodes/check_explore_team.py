@@ -62,7 +62,7 @@ class ExploreTeam(unittest.TestCase):
         paths = re.search(r"paths: robot1 ([\d.]+) m, robot2 ([\d.]+) m; ([\d.]+) m together", text)
         self.assertTrue(paths and min(float(length) for length in paths.groups()) > MOVED, text)
 
-    def test_2_a_robot_that_ends_is_named_and_the_other_sees_the_rest(self):
+    def test_2_a_robot_that_ends_is_named(self):
         with self.launched() as run:
             self.commands[1].wait(lambda messages: any(message.linear.x > 0.1 for message in messages),
                                   "robot2 that drives", PATIENCE)
