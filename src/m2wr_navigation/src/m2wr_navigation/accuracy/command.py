@@ -83,8 +83,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--seed", type=int, default=1, help="of goals, noise and particles (default %(default)s)")
     parser.add_argument("--config", default="", metavar="FILE", help="parameters of move_base, and of amcl below amcl; "
                         "config/m2wr.yaml by default")
-    parser.add_argument("--robot", default="m2wr", metavar="FILE", help="name of a robot, or its URDF, xacro or SDF file, "
-                        "with a differential drive and a laser; its footprint replaces that of --config")
+    parser.add_argument("--robot", default="m2wr", metavar="FILE", help="name of a robot, or its URDF, xacro or SDF "
+                        "file, with a differential drive and a laser; its footprint replaces that of --config")
     parser.add_argument("--json", default="", metavar="FILE", help="also write the figures to this file")
     options = parser.parse_args(argv)
     if options.goals < 1 or options.searches < 0 or not 0.0 < options.limit < 1e5:
