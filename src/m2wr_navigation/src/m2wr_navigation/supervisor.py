@@ -103,6 +103,7 @@ class Supervisor:
     def _begin_counts(self, now: float) -> None:
         self._index, self._trigger = 0, NO_PLAN
         self._running: Optional[Recovery] = None
+        self._cleared_at: Optional[FloatArray] = None           # where the first of the behaviours in use has begun
         self._new_plan: Optional[FloatArray] = None
         self._has_plan, self._new_goal = False, True
         self._retries, self._reason = 0, ""
@@ -262,8 +263,7 @@ class Supervisor:
         command = self.controller.compute(situation)
         if command.velocity is not None:
             self._last_command = now
-            if self._trigger == NO_CONTROL:
-                self._index = 0
+            self._forget_recoveries(situation.pose)
             return Outcome(self._limited(command.velocity, situation.pose), messages=tuple(
                 self._once(command.reason) if command.reason else ()), command=command)
         self._reason = command.reason
@@ -274,6 +274,15 @@ class Supervisor:
             self.state, self._last_plan, self._retries = PLANNING, now, 0
             self._trigger = NO_CONTROL
         return Outcome(_stop(), messages=messages, command=command)
+
+    def _forget_recoveries(self, pose: FloatArray) -> None:
+        """Begin with the first behaviour again next time, once the robot has left the place where it needed one.
+
+        A valid command alone is no way out: in a narrow place every turn makes one possible, and the next one not.
+        """
+        if self._trigger == NO_CONTROL and self._cleared_at is not None and float(
+                np.hypot(*(pose[:2] - self._cleared_at[:2]))) >= self.values["oscillation_distance"]:
+            self._index, self._cleared_at = 0, None
 
     def _limited(self, velocity: FloatArray, pose: FloatArray) -> FloatArray:
         """Return a command on the same arc within the limit of a recovery behaviour, while there is one."""
@@ -290,6 +299,8 @@ class Supervisor:
         if self._running is None:
             if not self.values["recovery_behavior_enabled"] or self._index >= len(self.recoveries):
                 return Outcome(_stop(), ABORTED, self._trigger, (self._reason,) if self._reason else ())
+            if self._index == 0:
+                self._cleared_at = np.array(situation.pose, float)
             self._running = self.recoveries[self._index]
             began = self._running, self._index
             self._index += 1

@@ -162,6 +162,28 @@ def test_without_a_command_for_long_the_goal_is_aborted():
     assert drive.now - 100.0 == pytest.approx(3 * 2.0, abs=1.5)
 
 
+@pytest.mark.parametrize("moved, begun", [(0.1, [1, 1]), (0.6, [2, 0])])
+def test_behaviours_begin_again_once_the_robot_has_left(moved, begun):
+    """A single valid command is no way out of a narrow place."""
+    drive = Drive(controller_patience=1.0, oscillation_distance=0.5)
+    drive.plan()
+    drive.cycle()
+
+    def recovers(outcome):
+        if drive.supervisor.wants_plan:
+            drive.plan()
+        return drive.supervisor.state == CLEARING
+    for _ in range(2):
+        drive.controller.velocity = None
+        drive.until(recovers)
+        drive.until(lambda outcome: drive.supervisor.state != CLEARING)
+        drive.pose = drive.pose + (moved, 0.0, 0.0)
+        drive.controller.velocity = np.array([0.3, 0.0, 0.0])
+        drive.plan()
+        drive.cycle()
+    assert [getattr(behaviour, "begun", 0) for behaviour in drive.behaviours] == begun
+
+
 def test_a_robot_that_does_not_move_is_oscillating():
     drive = Drive(oscillation_timeout=3.0, recoveries=0)
     drive.plan()

@@ -34,8 +34,10 @@ if TYPE_CHECKING:
     from m2wr_sim.api.records import Scan
 
 HEIGHT = 0.2                # m: of the laser
+#: Those of move_base.
 RECOVERIES: Tuple[Tuple[str, str, Dict[str, float]], ...] = (
     ("conservative_reset", "ClearCostmapRecovery", {"reset_distance": 3.0}), ("rotate", "RotateRecovery", {}),
+    ("back_up", "m2wr_navigation/BackUpRecovery", {}),
     ("aggressive_reset", "ClearCostmapRecovery", {"reset_distance": 1.84}), ("rotate", "RotateRecovery", {}))
 
 
