@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Sequence, Tuple
 
 import numpy as np
 
@@ -43,15 +43,11 @@ def body_of(model: Model) -> RobotBody:
     ValueError
         If the robot has no laser, or no shape that collides.
     """
-    shapes = [(collision.geometry, compose(link.pose, collision.pose))
-              for link in model.links for collision in link.collisions]
+    shapes = _shapes(model)
     footprint = _slice(shapes, -TALL, TALL)
     if not footprint:
         raise ValueError("robot {} has no shape that collides; expected its body".format(model.name))
-    laser = _laser_pose(model)
-    if laser is None:
-        raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
-    (x, y, height), orientation = laser
+    (x, y, height), orientation = _laser_pose(model)
     seen = [part for part in _slice(shapes, height - THIN, height + THIN)
             if point_distances(np.array([(x, y)]), part)[0] > 0.0]         # a laser does not see its own housing
     return RobotBody(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen), _height(shapes))
@@ -69,12 +65,14 @@ def laser_height(model: Model) -> float:
     ValueError
         If the robot has no laser.
     """
-    laser = _laser_pose(model)
-    if laser is None:
-        raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
-    low, _ = _extent([(collision.geometry, compose(link.pose, collision.pose))
-                      for link in model.links for collision in link.collisions])
-    return float(laser[0][2] - low)
+    (_, _, height), _ = _laser_pose(model)
+    return float(height - _extent(_shapes(model))[0])
+
+
+def _shapes(model: Model) -> List[Shape]:
+    """Return the shapes that collide, and their poses in the frame of the model."""
+    return [(collision.geometry, compose(link.pose, collision.pose))
+            for link in model.links for collision in link.collisions]
 
 
 def _height(shapes: Sequence[Shape]) -> float:
@@ -119,13 +117,13 @@ def _outlines(geometry: Any, pose: Pose, low: float, high: float) -> List[Outlin
     return [] if hull is None else [hull]
 
 
-def _laser_pose(model: Model) -> Optional[Pose]:
-    """Return the pose of the first laser in the model, or None."""
+def _laser_pose(model: Model) -> Pose:
+    """Return the pose of the first laser in the model; ValueError if there is none."""
     for link in model.links:
         for sensor in link.sensors:
             if sensor.kind in _LASERS:
                 return compose(link.pose, sensor.pose)
-    return None
+    raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
 
 
 def _axle_x(model: Model) -> float:
