@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from m2wr_sim.model.types import Model
 
 ROOM = 0.25                 # m around the disc in which the robot turns, at starts and goals
-PASSAGE = 0.05              # m around that disc on the way: half a cell of the map on each side
+PASSAGE = 0.05              # m around that disc on the way: one cell of the map
 
 
 @dataclass(frozen=True)
