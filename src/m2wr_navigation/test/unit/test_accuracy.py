@@ -39,6 +39,24 @@ def test_goals_are_in_the_largest_part_that_is_connected():
         assert places.min() > 0.3
 
 
+def test_free_places_are_computed_once(monkeypatch):
+    place, calls = scenes.scene("pillars"), []
+    original = scenes.free_places
+    monkeypatch.setattr(scenes, "free_places", lambda *given: calls.append(given) or original(*given))
+    for seed in range(3):
+        random_goals(place, 1, seed)
+    random_goals(place, 1, 0, driven(JACKAL))
+    assert len(calls) == 2 and place.map is place.map
+
+
+def test_the_recovery_behaviours_are_those_of_move_base():
+    found = Navigator(None, move_base_parameters(), np.zeros(3))
+    names = [each.name for each in found.supervisor.recoveries]
+    assert names == ["conservative_reset", "rotate_recovery", "back_up", "aggressive_reset", "rotate_recovery"]
+    reset = found.supervisor.recoveries[3].values["reset_distance"]
+    assert reset == pytest.approx(4.0 * found.maps["local"].circumscribed)
+
+
 def test_a_robot_is_read_from_its_description():
     robot = driven(JACKAL)
     assert robot.room == pytest.approx(robot.body.turning_radius + 0.25)

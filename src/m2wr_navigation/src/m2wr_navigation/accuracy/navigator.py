@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from m2wr_navigation.costmap.obstacle_layer import ObstacleLayer
 from m2wr_navigation.costmap.static_layer import StaticLayer
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners.planner import Plan
+from m2wr_navigation.recoveries.behaviours import made
 from m2wr_navigation.recoveries.recovery import Costmaps
 from m2wr_navigation.supervisor import PARAMETERS, Supervisor
 
@@ -34,11 +35,6 @@ if TYPE_CHECKING:
     from m2wr_sim.api.records import Scan
 
 HEIGHT = 0.2                # m: of the laser
-#: Those of move_base.
-RECOVERIES: Tuple[Tuple[str, str, Dict[str, float]], ...] = (
-    ("conservative_reset", "ClearCostmapRecovery", {"reset_distance": 3.0}), ("rotate", "RotateRecovery", {}),
-    ("back_up", "m2wr_navigation/BackUpRecovery", {}),
-    ("aggressive_reset", "ClearCostmapRecovery", {"reset_distance": 1.84}), ("rotate", "RotateRecovery", {}))
 
 
 def costmap_by(given: Mapping[str, Any], outline: Sequence[Sequence[float]], place: str) -> LayeredCostmap:
@@ -94,19 +90,13 @@ class Navigator(Costmaps):
         self.period = 1.0 / values["controller_frequency"]
         self._replan = 1.0 / values["planner_frequency"] if values["planner_frequency"] > 0.0 else math.inf
         self._slow = 1.0 / given["global_costmap"].get("update_frequency", 5.0)
-        recoveries = []
-        listed = [(entry["name"], entry["type"], given.get(entry["name"], {}))
-                  for entry in given.get("recovery_behaviors", ())]
-        for name, kind_name, own in listed or RECOVERIES:
-            kind = registry.find(registry.RECOVERIES, kind_name)
-            recoveries.append(kind(name, read(kind.PARAMETERS, own, name)[0], self))
+        recoveries, self.messages = made(values, self.maps["local"].circumscribed, self, given.get)
         self.supervisor = Supervisor(values, self._made(registry.CONTROLLERS, given["base_local_planner"], given),
                                      recoveries)
         self._pose: FloatArray = np.zeros(3)
         self._number, self._goal = 0, np.zeros(3)
         self._plan: FloatArray = np.zeros((1, 3))
         self._planned = self._updated = -math.inf
-        self.messages: List[str] = []
         self.others: Sequence[FloatArray] = ()      # (K, 2) m: outlines of other robots; obstacles for the controller
 
     @staticmethod

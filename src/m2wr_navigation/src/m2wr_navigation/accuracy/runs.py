@@ -11,7 +11,6 @@ import numpy as np
 from m2wr_gmapping.se2 import between, compose
 from m2wr_navigation.accuracy.driven import M2WR_DRIVEN
 from m2wr_navigation.accuracy.navigator import Navigator
-from m2wr_navigation.accuracy.scenes import free_places
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS
 from m2wr_navigation.localization.beams import Beams, ScanGeometry
 from m2wr_navigation.localization.localizer import Localizer
@@ -157,7 +156,7 @@ def random_goals(scene: Scene, count: int, seed: int, driven: Driven = M2WR_DRIV
         If there is no such place.
     """
     rng = np.random.default_rng(seed)
-    places = free_places(scene.cells, scene.origin, driven.room, driven.passage)
+    places = scene.free_places(driven.room, driven.passage)
     if not len(places):
         raise ValueError("world {} has no place with {:.2f} m to the next obstacle; expected one, for starts and "
                          "goals".format(scene.name, driven.room))

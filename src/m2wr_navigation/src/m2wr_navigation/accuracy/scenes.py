@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Tuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Dict, Tuple
 
 import numpy as np
 
@@ -99,10 +100,26 @@ class Scene:
     cells: Int8Array
     origin: FloatArray
 
-    @property
+    @cached_property
     def map(self) -> LocalizationMap:
-        """The map as amcl has it."""
+        """The map as amcl has it; its distance fields are made once for all drives."""
         return LocalizationMap(self.cells, RESOLUTION, (self.origin[0], self.origin[1], 0.0))
+
+    @cached_property
+    def _places(self) -> Dict[Tuple[float, float], FloatArray]:
+        return {}
+
+    def free_places(self, room: float, passage: float) -> FloatArray:
+        """Return :func:`free_places` of this map; they are computed once.
+
+        Parameters
+        ----------
+        room, passage : float
+            [m]
+        """
+        if (room, passage) not in self._places:
+            self._places[room, passage] = free_places(self.cells, self.origin, room, passage)
+        return self._places[room, passage]
 
 
 NAMES = ("world01", "world02", "world03", "pillars", "house")
