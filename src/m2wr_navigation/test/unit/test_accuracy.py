@@ -7,12 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from m2wr_gmapping.se2 import compose
 from m2wr_navigation.accuracy import command, scenes
 from m2wr_navigation.accuracy.driven import driven
 from m2wr_navigation.accuracy.navigator import Navigator
-from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals, search
+from m2wr_navigation.accuracy.rounds import Rounds
+from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals
+from m2wr_navigation.accuracy.searches import search
 from m2wr_navigation.barn.runs import move_base_parameters
 from m2wr_navigation.costmap.cost_layout import LETHAL
+from m2wr_navigation.methods.body import RobotBody
+from m2wr_navigation.methods.method import Sensing
 
 JACKAL = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "robots", "jackal_like.urdf")
 CONFIG = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "config", "m2wr.yaml")
@@ -88,7 +93,35 @@ def test_the_command_reaches_goals_and_writes_the_figures(tmp_path, capsys):
 
 
 def test_a_robot_that_may_be_anywhere_is_found():
-    assert search(scenes.scene("house"), 3, {}, 40.0).found
+    found = search(scenes.scene("house"), 3, {}, 40.0)
+    assert found.found and found.claimed and not found.contacts
+
+
+def circle(pose, middle, radius, count=180):
+    """Ranges of a laser of 360 degrees on the robot's pose to a pillar."""
+    angles = pose[2] - np.pi + 2.0 * np.pi / count * np.arange(count)
+    across = (middle[0] - pose[0]) * np.sin(angles) - (middle[1] - pose[1]) * np.cos(angles)
+    along = (middle[0] - pose[0]) * np.cos(angles) + (middle[1] - pose[1]) * np.sin(angles)
+    with np.errstate(invalid="ignore"):
+        found = along - np.sqrt(radius ** 2 - across ** 2)
+    return np.where(found > 0.0, found, np.inf)
+
+
+def test_rounds_go_round_a_pillar_and_on_to_the_next_one():
+    pillars, away = [((1.5, 0.0), 0.3), ((1.5, 3.5), 0.3)], []
+    drive = Rounds({name: parameter.default for name, parameter in Rounds.PARAMETERS.items()},
+                   RobotBody(driven(JACKAL).body.footprint, 0.0, (0.0, 0.0, 0.0)))
+    pose, velocity = np.zeros(3), (0.0, 0.0)
+    for k in range(900):
+        ranges = np.min([circle(pose, middle, radius) for middle, radius in pillars], axis=0)
+        decision = drive.step(Sensing(0.1 * k, tuple(pose), velocity, np.where(ranges < 4.0, ranges, np.inf), -np.pi,
+                                      2.0 * np.pi / 180))
+        velocity = (decision.linear, decision.angular)
+        pose = compose(pose, np.array([0.1 * velocity[0], 0.0, 0.1 * velocity[1]]))
+        away.append([np.hypot(*(pose[:2] - middle)) - radius for middle, radius in pillars])
+    away = np.array(away)
+    assert away.min() > driven(JACKAL).body.turning_radius      # no contact
+    assert (away[:, 0] < 1.0).any() and (away[600:, 1] < 1.0).any()
 
 
 def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):

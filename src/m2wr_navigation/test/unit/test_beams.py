@@ -28,6 +28,13 @@ def test_short_far_infinite_and_missing_ranges_are_no_hits():
     assert np.isfinite(beams.ends).all()
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.7, 3.0])
+def test_beams_without_return_are_exactly_as_long_as_the_range(yaw):
+    mount = (LEVEL[0], (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+    beams = Beams.from_scan([math.inf] * 360, ScanGeometry(0.0, 0.01745, 0.1, 3.5), mount)
+    assert (beams.polar[1] == 3.5).all()
+
+
 def test_own_limits_narrow_those_of_the_scan():
     beams = Beams.from_scan([0.4, 2.0, 5.0], GEOMETRY, LEVEL, least=0.5, most=4.0)
     assert beams.hit.tolist() == [False, True, False] and beams.reach == 4.0

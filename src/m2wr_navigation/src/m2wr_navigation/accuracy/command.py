@@ -12,8 +12,9 @@ import numpy as np
 import yaml
 
 from m2wr_navigation.accuracy.driven import M2WR_DRIVEN, driven
-from m2wr_navigation.accuracy.runs import drive_to_goals, random_goals, search
+from m2wr_navigation.accuracy.runs import drive_to_goals, random_goals
 from m2wr_navigation.accuracy.scenes import NAMES, scene
+from m2wr_navigation.accuracy.searches import search
 from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_sim.api.loading import package_folder
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from m2wr_navigation.accuracy.driven import Driven
     from m2wr_navigation.accuracy.scenes import Scene
 
-_HEAD = "%-10s %9s %9s %12s %12s %12s %7s %8s" % (
-    "world", "reached", "contacts", "amcl p50 cm", "amcl p95 cm", "amcl p95 deg", "found", "after s")
+_HEAD = "%-10s %9s %9s %12s %12s %12s %8s %7s %8s" % (
+    "world", "reached", "contacts", "amcl p50 cm", "amcl p95 cm", "amcl p95 deg", "found", "false", "after s")
 
 
 def measure(place: Scene, goals: int, searches: int, seed: int, given: Mapping[str, Any],
@@ -53,7 +54,9 @@ def measure(place: Scene, goals: int, searches: int, seed: int, given: Mapping[s
         "failed": [{"goal": run.goal, "outcome": run.outcome} for run in runs if not run.reached],
         "distance_m": {str(part): float(np.percentile(errors[:, 0], part)) for part in (50, 95)},
         "angle_deg": {str(part): math.degrees(float(np.percentile(errors[:, 1], part))) for part in (50, 95)},
-        "searches": len(found), "found": len(times), "found_after_s": float(np.median(times)) if times else None}
+        "searches": len(found), "found": len(times), "found_after_s": float(np.median(times)) if times else None,
+        "falsely_claimed": sum(each.claimed and not each.found for each in found),
+        "search_contacts": sum(each.contacts for each in found)}
 
 
 def line(figures: Mapping[str, Any]) -> str:
@@ -65,11 +68,11 @@ def line(figures: Mapping[str, Any]) -> str:
         Of :func:`measure`.
     """
     after = figures["found_after_s"]
-    return "%-10s %9s %9d %12.1f %12.1f %12.2f %7s %8s" % (
+    return "%-10s %9s %9d %12.1f %12.1f %12.2f %8s %7s %8s" % (
         figures["world"], "%d of %d" % (figures["reached"], figures["goals"]), figures["contacts"],
         100.0 * figures["distance_m"]["50"], 100.0 * figures["distance_m"]["95"], figures["angle_deg"]["95"],
         "%d of %d" % (figures["found"], figures["searches"]) if figures["searches"] else "",
-        "" if after is None else "%.0f" % after)
+        figures["falsely_claimed"] if figures["searches"] else "", "" if after is None else "%.0f" % after)
 
 
 def main(argv: Optional[List[str]] = None) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drives to random goals by amcl and move_base, and searches of a robot that was carried away; errors by the truth."""
+"""Drives to random goals by amcl and move_base; errors by the truth."""
 from __future__ import annotations
 
 import math
@@ -13,10 +13,9 @@ from m2wr_navigation.accuracy.driven import M2WR_DRIVEN
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS
 from m2wr_navigation.localization.beams import Beams, ScanGeometry
+from m2wr_navigation.localization.confidence import doubt
 from m2wr_navigation.localization.localizer import Localizer
 from m2wr_sim.api import Sim
-from motion_plan.obstacle_avoidance import ObstacleAvoidance
-from motion_plan.regions import RegionReader
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -28,8 +27,6 @@ PERIOD = 0.1                # s: of scans and commands
 LIMIT = 180.0               # s of simulated time for a goal
 START_ERROR = np.array([0.2, 0.2, 0.1])         # deviation of the first pose that amcl gets [m, m, rad]
 SETTLED = 3.0               # s after which errors count
-FOUND = 0.3, math.radians(10.0)     # m, rad: a pose so near to the true one is found
-LASTING = 10.0              # s that it has to last
 #: Errors of the odometry, which the simulator measures without any: of its scale and of the straight line, and
 #: deviations in proportion to the way and the turn [-, rad/m, rad/m^(1/2), m/m^(1/2), -].
 ODOMETRY = {"scale": 0.02, "curve": 0.01, "heading": 0.01, "along": 0.01, "turn": 0.02}
@@ -89,6 +86,7 @@ class Robot:
         self.localizer = Localizer(scene.map, dict(values, **given), np.random.default_rng(seed))
         self.errors: List[Tuple[float, float, float]] = []      # time [s], distance [m], angle [rad]
         self.contacts = 0
+        self.doubt = ""                 # why the newest pose may be wrong, as amcl itself says it
 
     def take(self, result: StepResult) -> Optional[FloatArray]:
         """Localize by a scan; return the pose on the map, if it is known.
@@ -104,6 +102,7 @@ class Robot:
         geometry = ScanGeometry(scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
         beams = Beams.from_scan(scan.ranges.tolist(), geometry, self._laser)
         outcome = self.localizer.process("laser", beams, pose)
+        self.doubt = "there is no pose yet" if outcome.map_from_odom is None else doubt(outcome.share, outcome.weight)
         if outcome.map_from_odom is None:
             return None
         found = compose(outcome.map_from_odom, pose)
@@ -223,60 +222,3 @@ def _one_goal(robot: Robot, navigator: Navigator, goal: FloatArray, result: Step
     reached = outcome is not None and outcome.result == "succeeded"
     return GoalRun((float(goal[0]), float(goal[1]), float(goal[2])), text, reached, robot.contacts - contacts,
                    result.time - begun, math.hypot(result.pose[0] - goal[0], result.pose[1] - goal[1]))
-
-
-@dataclass(frozen=True)
-class Search:
-    """The search of a robot that may be anywhere.
-
-    Attributes
-    ----------
-    found : bool
-        Whether the pose was right for the last LASTING seconds.
-    time : float
-        Since when it was right [s]; NaN: not found.
-    away : float
-        Distance of the last pose from the true one [m].
-    """
-
-    found: bool
-    time: float
-    away: float
-
-
-def search(scene: Scene, seed: int, amcl: Mapping[str, Any], limit: float, driven: Driven = M2WR_DRIVEN) -> Search:
-    """Put the robot somewhere, call global localization, and let it wander.
-
-    Parameters
-    ----------
-    scene : Scene
-    seed : int
-    amcl : mapping of str to object
-        Parameters of amcl.
-    limit : float
-        [s]
-    driven : Driven
-
-    Returns
-    -------
-    Search
-    """
-    start = random_goals(scene, 1, seed, driven)[0]
-    with Sim(scene.world, driven.model, tuple(start), seed=seed, sensing="now") as sim:
-        robot = Robot(driven, scene, sim, seed, amcl)
-        robot.localizer.start_anywhere()
-        avoidance, reader = ObstacleAvoidance(), RegionReader()
-        result, command = sim.step((0.0, 0.0), PERIOD), np.zeros(2)
-        begun, since = result.time, math.nan
-        while result.time - begun < limit:
-            robot.take(result)
-            right = bool(robot.errors) and robot.errors[-1][1] < FOUND[0] and robot.errors[-1][2] < FOUND[1]
-            since = (result.time - begun if math.isnan(since) else since) if right else math.nan
-            scan = result.scan
-            assert scan is not None
-            regions = reader.read(scan.ranges, scan.angle_min, scan.angle_max, scan.angle_increment)
-            wanted = np.array(avoidance.update(regions=regions))
-            command = command + np.clip(wanted - command, -0.1, 0.1)
-            result = sim.step((float(command[0]), float(command[1])), PERIOD)
-        lasted = not math.isnan(since) and limit - since >= LASTING
-    return Search(lasted, since if lasted else math.nan, robot.errors[-1][1] if robot.errors else math.nan)

@@ -13,6 +13,7 @@ from m2wr_gmapping.frontend.scan import rotation
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
 
+LEVEL = 1e-9                # rounding of the horizontal part of a unit vector
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 
 
@@ -101,8 +102,10 @@ class Beams:
         angle = geometry.angle_min + place * geometry.angle_increment
         turn, shift = _checked_rotation(mount[1]), np.asarray(mount[0][:2], float)
         across = turn[:2, 0:1] * np.cos(angle) + turn[:2, 1:2] * np.sin(angle)      # of unit vectors along the beams
-        return cls(shift[:, None] + across * length,
-                   np.stack([np.arctan2(across[1], across[0]), np.hypot(*across) * length]), hit, shift, high)
+        flat = np.hypot(*across)
+        flat[np.abs(flat - 1.0) < LEVEL] = 1.0      # a beam without return is exactly as long as the greatest range
+        return cls(shift[:, None] + across * length, np.stack([np.arctan2(across[1], across[0]), flat * length]), hit,
+                   shift, high)
 
     def spread(self, most: int, only_hits: bool = True) -> IndexArray:
         """Return indices (at most ``most``,) of beams, evenly over the scan.

@@ -37,12 +37,14 @@ class LocalizationMap:
     ----------
     free : (F,) int64
         Flat indices of the free cells.
+    occupied : (H, W) bool
     """
 
     def __init__(self, cells: Int8Array, resolution: float, origin: Sequence[float]) -> None:
         self.cells, self.resolution = cells, float(resolution)
         self.origin = tuple(float(value) for value in origin)
         self.free: IndexArray = np.flatnonzero(cells == FREE)
+        self.occupied: BoolArray = np.ascontiguousarray(cells == OCCUPIED)
         self._fields: Optional[Tuple[float, Uint8Array]] = None
         self._clear: Optional[Tuple[BoolArray, Float32Array]] = None
 
@@ -105,7 +107,7 @@ class LocalizationMap:
             ``laser_likelihood_max_dist``, the greatest distance that is told apart [m].
         """
         if self._fields is None or self._fields[0] != limit:
-            occupied, free = self.cells == OCCUPIED, self.cells == FREE
+            occupied, free = self.occupied, self.cells == FREE
             out, surface = np.empty(self.cells.shape + (4,), np.uint8), np.empty_like(occupied)
             distance, layer = np.empty(self.cells.shape, np.float32), np.empty(self.cells.shape, np.uint8)
             reach = limit / self.resolution

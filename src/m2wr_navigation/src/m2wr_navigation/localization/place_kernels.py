@@ -81,9 +81,23 @@ def nearest(poses: FloatArray, places: FloatArray, near: FloatArray, out: IndexA
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def _is_wall(column: int, row: int, occupied: BoolArray) -> bool:
+    """Whether a cell or one beside it is occupied: rays slip through walls of cells that meet at corners only."""
+    for j in range(max(0, row - 1), min(occupied.shape[0], row + 2)):
+        for i in range(max(0, column - 1), min(occupied.shape[1], column + 2)):
+            if occupied[j, i]:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def agreement(places: FloatArray, mount: FloatArray, beams: FloatArray, reach: float, blocked: BoolArray,
-              free: Float32Array, cell: float, spread: float, unmapped: float, out: FloatArray) -> None:
+              free: Float32Array, occupied: BoolArray, cell: float, spread: float, unmapped: float,
+              out: FloatArray) -> None:
     """Add up how well the ranges of a scan agree with those to the map's obstacles, by ray casting.
+
+    A ray that leaves the known part of the map tells only that there is nothing before. So a beam without return agrees
+    with it, and one that returns from beyond counts like one that hit what is not on the map.
 
     Parameters
     ----------
@@ -97,6 +111,8 @@ def agreement(places: FloatArray, mount: FloatArray, beams: FloatArray, reach: f
         Greatest range [m].
     blocked, free
         As for :func:`m2wr_navigation.localization.sensor_kernels.ray_length`.
+    occupied : (H, W) bool
+        Cells with obstacles.
     cell : float
         Side of a cell [m].
     spread : float
@@ -104,15 +120,22 @@ def agreement(places: FloatArray, mount: FloatArray, beams: FloatArray, reach: f
     unmapped : float
         Share of the beams that say nothing.
     out : (K,) float64
-        Written: sums of ln((1 - unmapped) exp(-d^2 / (2 spread^2)) + unmapped).
+        Written: sums of ln((1 - unmapped) exp(-d^2 / (2 spread^2)) + unmapped); for a ray that leaves the known part, d
+        is 0 for a beam without return, otherwise infinite.
     """
-    scale = -0.5 / (spread * spread)
+    scale, limit = -0.5 / (spread * spread), reach / cell
     for k in range(len(places)):
         cos, sin = math.cos(places[k, 2]), math.sin(places[k, 2])
         x = places[k, 0] + (cos * mount[0] - sin * mount[1]) / cell
         y = places[k, 1] + (sin * mount[0] + cos * mount[1]) / cell
         total = 0.0
         for b in range(beams.shape[1]):
-            away = beams[1, b] - cell * ray_length(x, y, places[k, 2] + beams[0, b], reach / cell, blocked, free)
+            direction = places[k, 2] + beams[0, b]
+            length = ray_length(x, y, direction, limit, blocked, free)
+            if length < limit and not _is_wall(math.floor(x + length * math.cos(direction)),
+                                               math.floor(y + length * math.sin(direction)), occupied):
+                total += 0.0 if beams[1, b] >= reach else math.log(unmapped)
+                continue
+            away = beams[1, b] - cell * length
             total += math.log((1.0 - unmapped) * math.exp(scale * away * away) + unmapped)
         out[k] = total

@@ -102,8 +102,8 @@ class PlaceSearch:
             found = match(poses[k], MOVED if k < known else DRAWN, beams, grid, values)
             if np.isfinite(found.pose).all():
                 poses[k] = found.pose
-        kernels.agreement(grid.to_grid(poses), beams.mount, beams.polar, beams.reach, blocked, free, grid.resolution,
-                          SPREAD, UNMAPPED, agreement)
+        kernels.agreement(grid.to_grid(poses), beams.mount, beams.polar, beams.reach, blocked, free, grid.occupied,
+                          grid.resolution, SPREAD, UNMAPPED, agreement)
         agreement *= min(1.0, INDEPENDENT_BEAMS / max(1, beams.polar.shape[1]))
         begin = np.full(count - known, math.log(ELSEWHERE) if known else 0.0)
         self._keep(poses, agreement + np.concatenate([self.evidence, begin]))
