@@ -2,22 +2,49 @@
 """The table and the figure of teams."""
 import math
 
+import pytest
+
 from m2wr_exploration.study.figure import draw_teams
 from m2wr_exploration.study.team_command import Task, line, lost
+from m2wr_exploration.study.team_statistics import against, mean_time, times
 
-ROWS = [{"place": 0, "robots": 2, "share": 1.0, "enough": 50.0, "time": 60.0, "contacts": 1, "lengths": [10.0, 12.0],
-         "curve": [(0.0, 0.1), (50.0, 0.99)]}]
+
+def row(place, robots, enough, contacts=0):
+    return {"place": place, "robots": robots, "share": 1.0, "enough": enough, "time": 60.0, "contacts": contacts,
+            "lengths": [10.0] * robots, "curve": [(0.0, 0.1), (50.0, 0.99)]}
+
+
+ROWS = [row(0, 1, 100.0), row(0, 2, 50.0, contacts=1)]
 
 
 def test_a_line_has_the_time_against_one_robot():
-    assert line(2, ROWS, {0: 100.0}).split() == ["2", "1", "of", "1", "1", "50", "0.50", "(0.50", "to", "0.50)", "11.0"]
+    assert line(2, ROWS, 1).split() == ["2", "1", "of", "1", "1", "50", "(50", "to", "50)", "0.50", "(0.50", "to",
+                                        "0.50)", "10.0"]
 
 
 def test_a_run_that_was_lost_counts_as_not_complete():
-    row = lost(Task(0, 2), "timeout", "", 1.0)
-    assert line(2, [row], {0: math.inf}).split() == ["2", "0", "of", "1", "0"]
+    assert line(2, [row(0, 1, 100.0), lost(Task(0, 2), "timeout", "", 1.0)], 1).split() == ["2", "0", "of", "1", "0"]
 
 
-def test_the_figure_is_written(tmp_path):
-    draw_teams(ROWS, [2, 4], str(tmp_path / "teams.png"))
+def test_a_place_that_one_team_did_not_see_counts_for_none():
+    rows = ROWS + [row(1, 1, 400.0), row(1, 2, math.inf)]
+    assert times(rows, 1) == {0: 100.0} and times(rows, 2) == {0: 50.0}
+
+
+def test_means_have_an_interval_about_them():
+    rows = [row(place, robots, (100.0 + 10.0 * place) / robots) for place in range(6) for robots in (1, 2)]
+    mean, low, high = mean_time(rows, 1)
+    assert mean == pytest.approx(125.0) and 105.0 < low < mean < high < 145.0
+    assert against(rows, 2, 1) == pytest.approx((0.5, 0.5, 0.5))
+
+
+def test_half_and_twice_the_time_average_to_one():
+    rows = [row(0, 1, 100.0), row(0, 2, 50.0), row(1, 1, 100.0), row(1, 2, 200.0)]
+    mean, low, high = against(rows, 2, 1)
+    assert mean == pytest.approx(1.0) and low == pytest.approx(0.5) and high == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("rows", [ROWS, [lost(Task(0, 1), "timeout", "", 1.0)]])
+def test_the_figure_is_written(tmp_path, rows):
+    draw_teams(rows, [1, 2], str(tmp_path / "teams.png"))
     assert (tmp_path / "teams.png").stat().st_size > 1000

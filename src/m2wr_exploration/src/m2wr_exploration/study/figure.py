@@ -7,8 +7,10 @@ from typing import Any, List, Mapping, Sequence
 import matplotlib
 import numpy as np
 
+from m2wr_exploration.study.team_statistics import mean_time, times
+
 matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402 (the backend first)
+from matplotlib import pyplot, ticker  # noqa: E402 (the backend first)
 
 COLOURS = ("#888888", "#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a")
 
@@ -58,7 +60,7 @@ def draw(rows: Sequence[Mapping[str, Any]], strategies: List[str], path: str) ->
 
 
 def draw_teams(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], path: str) -> None:
-    """Draw the share of the reachable area over time, for each number of robots; write a file.
+    """Draw the time against the number of robots, and the share that was seen over time; write a file.
 
     Parameters
     ----------
@@ -69,7 +71,8 @@ def draw_teams(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], path: 
     path : str
         PNG or SVG.
     """
-    figure, axes = pyplot.subplots(figsize=(7.0, 4.2))
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.2))
+    _times_of_teams(left, rows, numbers)
     last = max((row["time"] for row in rows if row["curve"]), default=1.0)
     grid = np.linspace(0.0, last, 201)
     for number, robots in enumerate(numbers):
@@ -78,14 +81,37 @@ def draw_teams(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], path: 
         if curves:
             low, middle, high = np.percentile(curves, (25, 50, 75), axis=0)
             colour = COLOURS[number % len(COLOURS)]
-            axes.plot(grid, 100.0 * middle, color=colour, label="%d" % robots)
-            axes.fill_between(grid, 100.0 * low, 100.0 * high, color=colour, alpha=0.15, linewidth=0.0)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("reachable area seen [%]")
-    axes.set_ylim(0.0, 101.0)
-    axes.set_xlim(0.0, last)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", title="robots: median, middle half")
+            right.plot(grid, 100.0 * middle, color=colour, label="%d" % robots)
+            right.fill_between(grid, 100.0 * low, 100.0 * high, color=colour, alpha=0.15, linewidth=0.0)
+    right.set_xlabel("time [s]")
+    right.set_ylabel("reachable area seen [%]")
+    right.set_ylim(0.0, 101.0)
+    right.set_xlim(0.0, last)
+    right.grid(alpha=0.3)
+    right.legend(loc="lower right", title="robots: median, middle half")
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
+
+
+def _times_of_teams(axes: Any, rows: Sequence[Mapping[str, Any]], numbers: Sequence[int]) -> None:
+    """Draw a line for each place, and the mean with its interval; both axes logarithmic."""
+    found = {robots: times(rows, robots) for robots in numbers}
+    for place in found[numbers[0]]:
+        axes.plot(numbers, [found[robots][place] for robots in numbers], color="#bbbbbb", linewidth=0.8)
+    if found[numbers[0]]:
+        mean, low, high = np.array([mean_time(rows, robots) for robots in numbers]).T
+        axes.fill_between(numbers, low, high, color=COLOURS[1], alpha=0.25, linewidth=0.0)
+        axes.plot(numbers, mean, "o-", color=COLOURS[1], label="mean, 95 % interval")
+        axes.plot(numbers, mean[0] * numbers[0] / np.array(numbers), ":", color="black",
+                  label="if the robots shared the work of the first")
+        axes.set_xscale("log", base=2)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(ticker.FormatStrFormatter("%d"))
+        axes.yaxis.set_minor_formatter(ticker.FormatStrFormatter("%d"))
+        axes.legend(loc="lower left")
+    axes.set_xticks(numbers)
+    axes.set_xticklabels(["%d" % robots for robots in numbers])
+    axes.set_xlabel("robots")
+    axes.set_ylabel("time until 99 % was seen [s]")
+    axes.grid(alpha=0.3, which="both")

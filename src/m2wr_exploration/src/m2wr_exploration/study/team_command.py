@@ -17,6 +17,7 @@ from m2wr_exploration.explorer import PARAMETERS
 from m2wr_exploration.study.scenes import LARGE, buildings, named
 from m2wr_exploration.study.settings import EXPLORER, navigation_parameters
 from m2wr_exploration.study.team_run import explore_together, starts
+from m2wr_exploration.study.team_statistics import against, mean_time, times
 from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_navigation.parameters import read
@@ -31,8 +32,8 @@ MOST = 16                   # robots
 ENOUGH = 0.99               # of the reachable area
 TIME_LIMIT = 3600.0         # s of wall time for a run
 STRATEGY = "tour"           # of a robot that is alone
-_HEAD = "%6s %10s %9s %18s %20s %16s" % (
-    "robots", ">= 99 %", "contacts", "s to 99 %, median", "of one robot", "m each, median")
+_HEAD = "%6s %10s %9s %20s %21s %15s" % (
+    "robots", ">= 99 %", "contacts", "s to 99 %, mean", "against one robot", "m each, median")
 
 
 @dataclass(frozen=True)
@@ -83,24 +84,26 @@ def lost(task: Task, reason: str, log: str, wall: float) -> Dict[str, Any]:
             "time": wall, "enough": math.inf, "lengths": [], "contacts": 0, "curve": [], "messages": [reason, log]}
 
 
-def line(robots: int, rows: Sequence[Mapping[str, Any]], alone: Mapping[int, float]) -> str:
-    """Return a line of the table; the time against one robot as median, least and greatest of the places.
+def line(robots: int, rows: Sequence[Mapping[str, Any]], fewest: int) -> str:
+    """Return a line of the table: means over places with their 95 % intervals, the path as median.
 
     Parameters
     ----------
     robots : int
     rows : sequence of mapping
-        Of :func:`perform`, with this number of robots.
-    alone : mapping of int to float
-        Time to 99 % of the smallest team, by place [s].
+        Of :func:`perform`, with all numbers of robots.
+    fewest : int
+        Number of robots of the smallest team, against which times are given.
     """
-    full = [row for row in rows if math.isfinite(row["enough"])]
-    ratios = [row["enough"] / alone[row["place"]] for row in full if math.isfinite(alone.get(row["place"], math.inf))]
-    return "%6d %10s %9d %18s %20s %16s" % (
-        robots, "%d of %d" % (len(full), len(rows)), sum(row["contacts"] for row in rows),
-        "%.0f" % np.median([row["enough"] for row in full]) if full else "",
-        "%.2f (%.2f to %.2f)" % (np.median(ratios), min(ratios), max(ratios)) if ratios else "",
-        "%.1f" % np.median([length for row in full for length in row["lengths"]]) if full else "")
+    own = [row for row in rows if row["robots"] == robots]
+    full = [row for row in own if math.isfinite(row["enough"])]
+    time, ratio = mean_time(rows, robots), against(rows, robots, fewest)
+    lengths = [length for row in full for length in row["lengths"]]
+    return "%6d %10s %9d %20s %21s %15s" % (
+        robots, "%d of %d" % (len(full), len(own)), sum(row["contacts"] for row in own),
+        "%.0f (%.0f to %.0f)" % time if math.isfinite(time[0]) else "",
+        "%.2f (%.2f to %.2f)" % ratio if math.isfinite(ratio[0]) else "",
+        "%.1f" % np.median(lengths) if lengths else "")
 
 
 def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -150,12 +153,13 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
             print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
                 row["world"], row["robots"], 100.0 * row["share"], row["area"], row["enough"], row["contacts"]),
                 flush=True)         # each takes a minute
-    alone = {row["place"]: row["enough"] for row in rows if row["robots"] == numbers[0]}
-    print(_HEAD.replace("of one robot", "of %d" % numbers[0] if numbers[0] > 1 else "of one robot"))
+            if options.json:
+                write_json(options.json, rows)      # what there is, should the study be interrupted
+    print(_HEAD.replace("one robot", "%d robots" % numbers[0] if numbers[0] > 1 else "one robot"))
     for robots in numbers:
-        print(line(robots, [row for row in rows if row["robots"] == robots], alone))
-    if options.json:
-        write_json(options.json, rows)
+        print(line(robots, rows, numbers[0]))
+    print("times: of the %d places where every team saw 99 %%; in brackets 95 %% intervals" % len(
+        times(rows, numbers[0])))
     if options.figure:
         from m2wr_exploration.study.figure import draw_teams
         draw_teams(rows, numbers, options.figure)
