@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 
 import numpy as np
 
 from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, Explorer, Teammate
+from m2wr_exploration.team.placing import Placing, moved
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class Member:
     name : str
     explorer : Explorer
     place : (2,) float64 or None
-        [m]; None: not known yet.
+        In the frame in which the robot plans [m]; None: not known yet.
     driving : bool
         Whether it has a goal.
     fault : str
@@ -56,10 +57,13 @@ class Crew:
     names : sequence of str
     explorers : sequence of Explorer
         One for each.
+    placing : Placing, optional
+        Where the frames in which the robots plan lie on each other; default: all plan in one frame.
     """
 
-    def __init__(self, names: Sequence[str], explorers: Sequence[Explorer]) -> None:
+    def __init__(self, names: Sequence[str], explorers: Sequence[Explorer], placing: Optional[Placing] = None) -> None:
         self.members = [Member(name, explorer) for name, explorer in zip(names, explorers)]
+        self.placing = Placing(names, [np.zeros(3) for _ in names]) if placing is None else placing
 
     def see(self, number: int, now: float, place: FloatArray) -> None:
         """Take where a robot is.
@@ -92,7 +96,7 @@ class Crew:
         return not member.driving or bool(member.fault) or now - member.moved_at > STANDS
 
     def others(self, number: int, now: float) -> List[Teammate]:
-        """Return the teammates of a robot that take part.
+        """Return the teammates of a robot that take part, and of which it knows where they are.
 
         One that has ended claims the place where it is, and does not bid.
 
@@ -104,11 +108,13 @@ class Crew:
         """
         found = []
         for other, member in enumerate(self.members):
-            if other == number or member.fault or member.place is None:
+            frame = self.placing.relative(number, other)
+            if other == number or member.fault or member.place is None or frame is None:
                 continue
             target = member.explorer.target
             claim = member.place if member.explorer.state != EXPLORING else None if target is None else target.centre
-            found.append(Teammate(member.place, claim, member.explorer.aside.refused(now)))
+            found.append(Teammate(moved(frame, member.place), None if claim is None else moved(frame, claim),
+                                  moved(frame, member.explorer.aside.refused(now))))
         return found
 
     def share(self, number: int) -> None:
@@ -121,8 +127,10 @@ class Crew:
         for entry in self.members[number].explorer.aside.entries:
             if entry.reason == LOOKED:
                 for other, member in enumerate(self.members):
-                    if other != number:
-                        member.explorer.aside.take(entry)
+                    frame = self.placing.relative(other, number)
+                    if other != number and frame is not None:
+                        member.explorer.aside.take(replace(entry, points=moved(frame, entry.points))
+                                                   if frame.any() else entry)
 
     def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
         """Return a map for a robot (H, W): the others that stand are obstacles, those that drive are not.
@@ -133,13 +141,14 @@ class Crew:
         now : float
             [s]
         known : Costmap
-            Of all robots, without inflation.
+            Of all robots, without inflation, in the frame in which the robot plans.
         """
         occupancy = np.zeros(known.shape, np.int8)
         occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
         reach = int(math.ceil(BODY / known.resolution))
         for other, member in enumerate(self.members):
-            cell = None if member.place is None else known.cell(*member.place)
+            frame = self.placing.relative(number, other)
+            cell = None if member.place is None or frame is None else known.cell(*moved(frame, member.place))
             if other != number and cell is not None and self.stands(other, now):
                 rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
                 occupancy[rows, columns] = 100
@@ -193,5 +202,6 @@ class Crew:
     def summary(self) -> str:
         """Return why exploration has ended, and which robots took no part at the end."""
         reasons = sorted({member.explorer.summary for member in self.members if member.explorer.summary})
-        return "; ".join((reasons or ["no robot answers"]) + [
+        apart = self.placing.summary()
+        return "; ".join((reasons or ["no robot answers"]) + ([apart] if apart else []) + [
             "{} took no part: {}".format(member.name, member.fault) for member in self.members if member.fault])

@@ -107,6 +107,7 @@ class SetAside:
         Parameters
         ----------
         entry : Entry
+            In the frame of the map of this robot.
         """
         centre = entry.points.mean(axis=0)
         same = [own for own in self.entries if np.hypot(*(own.points.mean(axis=0) - centre)) <= self.radius]

@@ -7,6 +7,7 @@ from exploration_grids import World, grid
 from m2wr_exploration.crew import BODY, STANDS, Crew
 from m2wr_exploration.explorer import DONE, LOOKED, PARAMETERS, Explorer
 from m2wr_exploration.registry import find
+from m2wr_exploration.team.placing import Placing
 from m2wr_navigation.parameters import read
 
 HALL = """
@@ -177,3 +178,36 @@ def test_a_robot_that_has_ended_claims_its_place():
     made.see(1, 0.0, np.array(MIDDLE))
     made.members[1].explorer.state = DONE
     assert made.others(0, 0.0)[0].target.tolist() == list(MIDDLE)
+
+
+def test_robots_that_do_not_know_where_others_are_are_alone():
+    names = ["robot1", "robot2"]
+    made = Crew(names, [explorer() for _ in names], Placing(names))
+    for number in range(2):
+        made.see(number, 0.0, np.array(MIDDLE))
+    known = grid("\n".join(["." * 30] * 20), 0.1)
+    assert made.others(0, 0.0) == [] and not made.occupancy(0, 0.0, known).any()
+    assert made.summary().endswith("it is not certain where the maps of robot2 lie on that of robot1")
+
+
+def test_what_others_do_is_told_in_the_frame_of_each_robot():
+    run = hall()
+    run.step()
+    placing = Placing(["robot1", "robot2"])
+    placing.join(0, 1, np.array([1.0, 0.5, np.pi / 2.0]))
+    made = Crew(["robot1", "robot2"], [member.explorer for member in run.crew.members], placing)
+    made.see(0, 0.0, np.array([1.0, 1.5]))
+    made.see(1, 0.0, np.array([0.3, 0.0]))
+    teammate, target = made.others(0, 0.0)[0], made.members[1].explorer.target.centre
+    assert teammate.place == pytest.approx([1.0, 0.8])
+    assert teammate.target == pytest.approx([1.0 - target[1], 0.5 + target[0]])
+    assert made.others(1, 0.0)[0].place == pytest.approx([1.0, 0.0])
+    drawn = made.occupancy(0, 0.0, grid("\n".join(["." * 30] * 20), 0.1))       # robot2 does not drive
+    rows, columns = np.nonzero(drawn)
+    assert [0.1 * (columns.mean() + 0.5), 0.1 * (rows.mean() + 0.5)] == pytest.approx([1.0, 0.8], abs=0.06)
+    first = made.members[0].explorer
+    entry = first.aside.add(0.0, first.view.costmap, first.view.frontiers[0], LOOKED)
+    made.share(0)
+    taken = made.members[1].explorer.aside.entries[-1]
+    back = np.array([1.0, 0.5]) + np.column_stack([-taken.points[:, 1], taken.points[:, 0]])
+    assert back == pytest.approx(entry.points) and taken.tries == entry.tries

@@ -8,6 +8,8 @@ import rospy
 
 from m2wr_exploration.crew import Crew
 from m2wr_exploration.ros.team_node import TeamError, TeamNode
+from m2wr_exploration.team.placing import Placing
+from m2wr_exploration.team.trails import Trails
 
 POSES = {"init_pose_x": 0.0, "init_pose_y": 0.0, "init_pose_yaw": 0.0}
 SQUARE = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]
@@ -16,7 +18,6 @@ SQUARE = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]
 @pytest.mark.parametrize("given, words", [
     ({"~": {"robots": 9}}, "parameter ~robots is 9; expected a whole number from 1 to 8"),
     ({"~": {"robots": 0}}, "parameter ~robots is 0"),
-    ({"~": {"known_init_poses": False}}, "parameter ~known_init_poses is false; robots that explore together"),
     ({"/robot2/map_merge": {"init_pose_x": "north"}}, "/robot2/map_merge/init_pose_x is 'north'; expected a number"),
     ({"/robot1/move_base/footprint": [[0.0, 0.0]]}, "")])
 def test_what_cannot_be_used_is_refused_with_a_reason(monkeypatch, given, words):
@@ -53,11 +54,11 @@ class Robot:
         self.shown = len(outlines)
 
 
-def drive(monkeypatch, *robots, lost=()):
+def drive(monkeypatch, *robots, lost=(), placing=None):
     monkeypatch.setattr(rospy, "get_time", lambda: 1.0)
     names = ["robot%d" % (number + 1) for number in range(len(robots))]
-    node = SimpleNamespace(robots=robots, crew=Crew(names, [SimpleNamespace(target=None) for _ in names]), _ticks=3,
-                           _outline=np.array(SQUARE))
+    node = SimpleNamespace(robots=robots, crew=Crew(names, [SimpleNamespace(target=None) for _ in names], placing),
+                           _ticks=3, _outline=np.array(SQUARE), _trails=Trails(len(names), np.array(SQUARE)))
     for number in lost:
         node.crew.members[number].fault = "silent"
     TeamNode._drive(node)
@@ -79,3 +80,17 @@ def test_a_lost_robot_stops_and_one_without_pose_gets_nothing(monkeypatch):
     lost, there, missing = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(5.0, (0.5, 0.0)),
                                  Robot(9.0, (0.5, 0.0), pose=False), lost=(0,))
     assert (lost.got, there.got, missing.got) == ((0.0, 0.0), (0.5, 0.0), None) and there.shown == 1
+
+
+def test_robots_that_do_not_know_of_each_other_drive_alone(monkeypatch):
+    placing = Placing(["robot1", "robot2"])
+    first, second = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(0.51, (0.0, 0.0)), placing=placing)
+    assert first.got == (0.5, 0.0) and first.others == [] and (first.shown, second.shown) == (0, 0)
+
+
+def test_a_robot_stops_before_one_whose_map_has_been_placed(monkeypatch):
+    placing = Placing(["robot1", "robot2"])
+    placing.join(0, 1, np.array([0.51, 0.0, np.pi / 2.0]))
+    first, second = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(0.0, (0.0, 0.0)), placing=placing)
+    assert first.got == (0.0, 0.0) and first.others[0] == pytest.approx([0.51, 0.0])
+    assert second.others[0] == pytest.approx([0.0, 0.51])       # to the left of robot2, in its own map

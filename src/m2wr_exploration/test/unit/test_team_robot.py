@@ -185,3 +185,14 @@ def test_the_map_of_planners_has_unknown_and_occupied_cells(ros, robot):
     robot.show_known(np.array([[0, 100, -1]], np.int8), grid("...", 0.1))
     message = ros.sent["/robot1/team_map"][0]
     assert isinstance(message, OccupancyGrid) and np.array(message.data).tolist() == [0, 100, -1]
+
+
+def test_beams_without_an_end_may_get_a_range(ros, robot):
+    endless = [math.inf, 2.0, -math.inf]
+    ros.callbacks["/robot1/m2wr/laser/scan"](scan(ranges=endless))
+    assert list(passed(ros)[0].ranges) == endless               # as measured
+    made = TeamRobot("robot1", "world", "robot1/odom", "robot1/base", np.zeros(3), Frames(ros), 9.95)
+    made.others = [np.array([9.95 + 3.0, 3.0])]                 # a teammate where the beam would end
+    ros.callbacks["/robot1/m2wr/laser/scan"](scan(ranges=endless + [math.nan]))
+    ranges = passed(ros)[-1].ranges
+    assert ranges[0] == pytest.approx(9.95) and ranges[1:3] == [2.0, -math.inf] and math.isnan(ranges[3])

@@ -2,7 +2,8 @@
 """``explore_team``: several robots explore one world; maps merged, frontiers auctioned, right of way by number."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Dict, List, Optional
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -19,11 +20,15 @@ from m2wr_exploration.kernel_warm_up import compile_kernels
 from m2wr_exploration.ros.frontier_markers import FrontierMarkers
 from m2wr_exploration.ros.map_input import TELL
 from m2wr_exploration.ros.map_merge_node import init_pose
+from m2wr_exploration.ros.placer import Placer
 from m2wr_exploration.ros.team_report import TeamReport
 from m2wr_exploration.ros.team_robot import TeamRobot, until_shutdown
 from m2wr_exploration.team.merging import merge
+from m2wr_exploration.team.placing import Placing
 from m2wr_exploration.team.right_of_way import allowed
+from m2wr_exploration.team.trails import Trails
 from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_gmapping.se2 import compose
 from m2wr_navigation.costmap.footprint import FootprintError, checked, placed
 from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.registry import UnknownPluginError
@@ -33,7 +38,10 @@ from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+
+    There = Tuple[int, TeamRobot, FloatArray]       # number of a robot, the robot, its pose where it plans
 
 NODE: Dict[str, Parameter] = {
     "robots": Parameter(2, "", 1, 8, "number of robots"),
@@ -42,9 +50,13 @@ NODE: Dict[str, Parameter] = {
     "odom_frame": text("odom", "frame of the odometry of each robot, without its name"),
     "world_frame": text("world", "frame of the merged map"),
     "known_init_poses": flag(True, "whether map_merge/init_pose_x, init_pose_y and init_pose_yaw of each robot count; "
-                             "false is not supported: the node ends and says so"),
+                             "false: each robot explores alone, in the frame of its own map, until it is certain where "
+                             "that lies on the map of others"),
     "planner_frequency": Parameter(1.0, "Hz", 0.01, 100.0, "rate at which maps are merged and goals chosen"),
     "lost_after": Parameter(10.0, "s", 1.0, 1e6, "time without a message after which a robot takes no part"),
+    "endless_range": Parameter(0.0, "m", 0.0, 1000.0, "range that the mappers get of beams without an end; between "
+                               "maxUrange and maxRange, such beams clear space. 0: infinite, as measured; mappers "
+                               "ignore them"),
     "strategy": text("tour", "which frontier is next, for a robot that is alone: " + ", ".join(registry.STRATEGIES)),
     "map": text("", "map to write at the end, without extension, relative to the working directory of roslaunch; "
                 "empty: none"),
@@ -75,35 +87,38 @@ class TeamNode:
             rospy.logwarn("%s", warning)
         if given.get("robots", self.values["robots"]) != self.values["robots"]:
             raise TeamError("parameter ~robots is {!r}; expected a whole number from 1 to 8".format(given["robots"]))
-        if not self.values["known_init_poses"]:
-            raise TeamError("parameter ~known_init_poses is false; robots that explore together have to know where "
-                            "they began, as maps that have little in common cannot be placed on each other; set it to "
-                            "true")
-        names = ["{}{}".format(self.values["robot_name"], number + 1) for number in range(self.values["robots"])]
+        self.names = ["{}{}".format(self.values["robot_name"], number + 1) for number in range(self.values["robots"])]
         try:
-            self._starts = [init_pose(rospy.get_param("/{}/map_merge".format(name), {}), "/" + name) for name in names]
-            self._outline = checked(np.array(rospy.get_param("/{}/move_base/footprint".format(names[0]), []), float
+            self._starts = [init_pose(rospy.get_param("/{}/map_merge".format(name), {}), "/" + name)
+                            if self.values["known_init_poses"] else np.zeros(3) for name in self.names]
+            self._outline = checked(np.array(rospy.get_param("/{}/move_base/footprint".format(self.names[0]), []), float
                                              ).reshape(-1, 2))
         except (ValueError, FootprintError) as error:
             raise TeamError(str(error)) from error
-        self._transforms = Transforms()
-        self._hang_on(names)
-        world, odom, base = (self.values[key] for key in ("world_frame", "odom_frame", "robot_base_frame"))
-        self.robots = [TeamRobot(name, world, "{}/{}".format(name, odom), "{}/{}".format(name, base), start,
-                                 self._transforms) for name, start in zip(names, self._starts)]
+        self._transforms, self._broadcaster = Transforms(), tf2_ros.StaticTransformBroadcaster()
+        odom, base, endless = (self.values[key] for key in ("odom_frame", "robot_base_frame", "endless_range"))
+        self.robots = [TeamRobot(name, self._frame(name), "{}/{}".format(name, odom), "{}/{}".format(name, base), start,
+                                 self._transforms, endless) for name, start in zip(self.names, self._starts)]
         self._merged = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
         self._frontiers = rospy.Publisher("~frontiers", MarkerArray, queue_size=1)
         self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
-        self._markers, self._shown, self._ticks = FrontierMarkers(), "", 0
+        self._markers, self._placer, self._shown, self._ticks = FrontierMarkers(), Placer(), "", 0
         self._begin()
         for robot in self.robots:
             at_shutdown(robot.goals.stop)
         self._timer = rospy.Timer(rospy.Duration.from_sec(1.0 / RATE), self._on_timer, reset=True)
 
-    def _hang_on(self, names: List[str]) -> None:
-        """Publish where the maps of the robots lie."""
+    def _frame(self, name: str) -> str:
+        """Return the frame in which a robot plans: the common one, or that of its map while others are not known."""
+        return str(self.values["world_frame"]) if self.values["known_init_poses"] else name + "/map"
+
+    def _hang_on(self) -> None:
+        """Publish where the maps of the robots lie, of those for which it is certain."""
         transforms = []
-        for name, start in zip(names, self._starts):
+        for number, name in enumerate(self.names):
+            if self.crew.placing.relative(0, number) is None:
+                continue
+            start = self._starts[number] if self.values["known_init_poses"] else self.crew.placing.frames[number]
             transform = TransformStamped()
             transform.header.stamp, transform.header.frame_id = rospy.Time.now(), self.values["world_frame"]
             transform.child_frame_id = name + "/map"
@@ -111,16 +126,18 @@ class TeamNode:
             transform.transform.translation.x, transform.transform.translation.y = start[0], start[1]
             transform.transform.rotation = pose.orientation
             transforms.append(transform)
-        self._broadcaster = tf2_ros.StaticTransformBroadcaster()
         self._broadcaster.sendTransform(transforms)
 
     def _begin(self) -> None:
-        self.crew = Crew([robot.name for robot in self.robots],
-                         [Explorer(self._explorer_values, self._kind(self._own)) for _ in self.robots])
+        known = self.values["known_init_poses"]
+        self.crew = Crew(self.names, [Explorer(self._explorer_values, self._kind(self._own)) for _ in self.robots],
+                         Placing(self.names, [np.zeros(3)] * len(self.names) if known else None))
+        self._trails = Trails(len(self.names), self._outline)
+        self._hang_on()
         for member in self.crew.members:
             member.fault = "it has not started"
-        self._known: Optional[Costmap] = None
-        self.report = TeamReport(self.values["map"], self.values["world"])
+        self._known: Dict[int, Costmap] = {}            # by robot, in the frame in which it plans
+        self.report = TeamReport(self.values["map"], self.values["world"], known)
 
     # ---- commands ----------------------------------------------------------------------------------------------
 
@@ -137,19 +154,24 @@ class TeamNode:
             if pose is not None:
                 self.crew.see(number, now, pose[:2])
                 there.append((number, robot, pose))
-        wanted = []
+                if not self.crew.placing.whole:
+                    self._trails.add(number, pose)
+        placing = self.crew.placing         # may be replaced at any time
         for number, robot, _ in there:
-            robot.others = [pose[:2] for other, _, pose in there if other != number]
+            robot.others = [pose[:2] for pose in _teammates(placing, number, there)]
             robot.pass_scans()
-            wanted.append((0.0, 0.0) if self.crew.members[number].fault else robot.wanted(now))
-        commands = allowed([pose for _, _, pose in there], [robot.velocity for _, robot, _ in there], wanted,
-                           self._outline, PERIOD)
-        for (_, robot, _), command in zip(there, commands):
-            robot.command(command)
+        for group in sorted({placing.groups[number] for number, _, _ in there}):
+            members = [each for each in there if placing.groups[each[0]] == group]
+            wanted = [(0.0, 0.0) if self.crew.members[number].fault else robot.wanted(now)
+                      for number, robot, _ in members]
+            commands = allowed([compose(placing.frames[number], pose) for number, _, pose in members],
+                               [robot.velocity for _, robot, _ in members], wanted, self._outline, PERIOD)
+            for (_, robot, _), command in zip(members, commands):
+                robot.command(command)
         self._ticks += 1
         if self._ticks % SHOWN_EVERY == 0:
             for number, robot, _ in there:
-                robot.show_teammates([placed(self._outline, pose) for other, _, pose in there if other != number])
+                robot.show_teammates([placed(self._outline, pose) for pose in _teammates(placing, number, there)])
 
     # ---- decisions ---------------------------------------------------------------------------------------------
 
@@ -160,6 +182,7 @@ class TeamNode:
             try:
                 self._turn()
                 if self.report.told and self.values["exit_on_done"]:
+                    self._timer.shutdown()
                     rospy.rostime.wallsleep(0.3)         # the last messages are on their way
                     return 0
                 rate.sleep()
@@ -178,34 +201,58 @@ class TeamNode:
         self._merge(now)
         for number, robot in enumerate(self.robots):
             self._attend(number, robot, now)
-        if self.report.begun is None or self._known is None or self.report.told:
+        if self.report.begun is None or not self._known or self.report.told:
             return
         for number, robot in enumerate(self.robots):
-            if not self.crew.members[number].fault:
+            if not self.crew.members[number].fault and number in self._known:
                 self._decide(number, robot, now)
         if self.crew.explored:
             self.report.explored(now)
         self._show()
         if self.crew.ended:
-            self.report.tell(now, self.crew, self._known)
+            self.report.tell(now, self.crew, self._known[min(self._known)])
             self._tell_state("done: " + self.crew.summary())
             rospy.loginfo("Exploration stopped.")       # the words of explore_lite, which scripts look for
 
     def _merge(self, now: float) -> None:
         """Merge the maps, and publish what comes of it: for all, and for each robot."""
-        maps = [(robot.map.snapshot(), start) for robot, start in zip(self.robots, self._starts)]
-        there = [(costmap, start) for costmap, start in maps if costmap is not None]
-        if not there:
-            return
-        try:
-            self._known = merge([costmap for costmap, _ in there], [start for _, start in there],
-                                self.values["world_frame"])
-        except ValueError as error:
-            rospy.logwarn_throttle(TELL, "the maps cannot be merged: %s" % error)
-            return
-        self._merged.publish(grid_message(self._known, rospy.Time.now()))
+        maps = {number: costmap for number, costmap in (
+            (number, robot.map.snapshot()) for number, robot in enumerate(self.robots)) if costmap is not None}
+        self._place(maps)
+        maps = {number: self._trails.cleared(number, costmap, self.crew.placing) for number, costmap in maps.items()}
+        common: Optional[Costmap] = None
         for number, robot in enumerate(self.robots):
-            robot.show_known(self.crew.occupancy(number, now, self._known), self._known)
+            try:
+                known = self._merged_for(number, maps) if common is None else common
+            except ValueError as error:
+                rospy.logwarn_throttle(TELL, "the maps cannot be merged: %s" % error)
+                return
+            if known is None:
+                continue
+            common = known if self.values["known_init_poses"] else None         # then it is the same for all
+            self._known[number] = known
+            if number == 0:
+                self._merged.publish(grid_message(replace(known, frame=self.values["world_frame"]), rospy.Time.now()))
+            robot.show_known(self.crew.occupancy(number, now, known), known)
+
+    def _merged_for(self, number: int, maps: Mapping[int, Costmap]) -> Optional[Costmap]:
+        """Return the map of all robots of a group in the frame in which a robot plans; None: there is none."""
+        frames = {other: self.crew.placing.relative(number, other) for other in maps}
+        there = [(maps[other], compose(frame, self._starts[other])) for other, frame in frames.items()
+                 if frame is not None]
+        return merge([costmap for costmap, _ in there], [pose for _, pose in there],
+                     self._frame(self.names[number])) if there else None
+
+    def _place(self, maps: Mapping[int, Costmap]) -> None:
+        """Take what is known of where maps lie on each other."""
+        placing, told = self._placer.turn(self.crew.placing, maps)
+        for message in told:
+            rospy.loginfo("%s", message)
+        if placing is not self.crew.placing:
+            changed = placing.groups != self.crew.placing.groups
+            self.crew.placing = placing
+            if changed:
+                self._hang_on()
 
     def _attend(self, number: int, robot: TeamRobot, now: float) -> None:
         """Notice that a robot begins, is lost, or is back."""
@@ -226,7 +273,8 @@ class TeamNode:
             return
         result, why = robot.goals.take()
         member.driving = member.driving and not result
-        decision = member.explorer.step(now, costmap, pose, result, why, self.crew.others(number, now), self._known)
+        decision = member.explorer.step(now, costmap, pose, result, why, self.crew.others(number, now),
+                                        self._known[number])
         self.crew.share(number)
         for message in decision.messages:
             rospy.loginfo("%s: %s", member.name, message)
@@ -250,6 +298,12 @@ class TeamNode:
         if state != self._shown:
             self._shown = state
             self._state.publish(String(state))
+
+
+def _teammates(placing: Placing, number: int, there: Sequence[There]) -> List[FloatArray]:
+    """Return the poses of the others, as far as they are known, in the frame in which a robot plans."""
+    found = [(placing.relative(number, other), pose) for other, _, pose in there if other != number]
+    return [compose(frame, pose) for frame, pose in found if frame is not None]
 
 
 def main() -> int:

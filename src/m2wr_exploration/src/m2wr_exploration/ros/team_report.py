@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Optional
 
+import numpy as np
 import rospy
 
-from m2wr_exploration.study.scenes import place
+from m2wr_exploration.study.scenes import place, whole_map
 from m2wr_exploration.study.truth import explored_share
+from m2wr_exploration.team.map_match import match
+from m2wr_exploration.team.merging import merge
+from m2wr_exploration.team.placing import moved
 from m2wr_gmapping.io import map_file
 from m2wr_navigation.ros.grid_messages import OCCUPANCY
 from m2wr_node.user_folder import from_user
@@ -28,10 +32,12 @@ class TeamReport:
         Of the map to write, without extension; empty: none.
     world : str
         World file; empty: the share that was seen is not told.
+    in_world : bool, optional
+        Whether the merged map is in the frame of the world; else it is placed there by the walls of both.
     """
 
-    def __init__(self, name: str, world: str) -> None:
-        self._name, self._world = from_user(name), world
+    def __init__(self, name: str, world: str, in_world: bool = True) -> None:
+        self._name, self._world, self._in_world = from_user(name), world, in_world
         self.begun: Optional[float] = None
         self.told = False
         self._start: Any = None
@@ -90,10 +96,16 @@ class TeamReport:
 
     def _tell_share(self, known: Costmap) -> None:
         try:
-            scene = place(self._world, read_world(self._world),
-                          (float(self._start[0]), float(self._start[1]), 0.0))
+            world, pose = read_world(self._world), np.zeros(3)
+            if not self._in_world:
+                found = match(whole_map(world), known)
+                if found.confidence < 1.0:
+                    raise ValueError("where the map lies in the world is not certain: " + found.reason)
+                pose = found.pose
+            start = moved(pose, np.array(self._start[:2], float))
+            scene = place(self._world, world, (float(start[0]), float(start[1]), 0.0))
         except (SimError, ValueError) as error:
             rospy.logwarn("the share that was seen is not known: %s", error)
             return
-        share, area = explored_share(scene.truth, scene.wanted, known)
+        share, area = explored_share(scene.truth, scene.wanted, merge([known], [pose]) if pose.any() else known)
         rospy.loginfo("%.1f %% of the %.0f m^2 that the robots can reach were seen", 100.0 * share, area)

@@ -60,11 +60,14 @@ class TeamRobot:
     start : (3,) float64
         Where the frame of its map lies in the common one [m, m, rad].
     transforms : Transforms
+    endless : float, optional
+        Range that mappers get of beams without an end [m]; 0: infinite, as it is measured.
     """
 
-    def __init__(self, name: str, world: str, odom: str, base: str, start: FloatArray, transforms: Transforms) -> None:
+    def __init__(self, name: str, world: str, odom: str, base: str, start: FloatArray, transforms: Transforms,
+                 endless: float = 0.0) -> None:
         self.name, self._world, self._odom, self._base = name, world, odom, base
-        self._start, self._transforms = start, transforms
+        self._start, self._transforms, self._endless = start, transforms, endless
         self.map = MapInput("/{}/map".format(name), "/{}/map_updates".format(name))
         costmap = "/{}/move_base/global_costmap/costmap".format(name)
         self.costmap = MapInput(costmap, costmap + "_updates")
@@ -199,6 +202,9 @@ class TeamRobot:
                 self._scan.publish(self._without_robots(message, self._in_world(pose)[0]))
 
     def _without_robots(self, message: LaserScan, laser: FloatArray) -> LaserScan:
+        if self._endless:
+            ranges = np.array(message.ranges, np.float32)
+            message.ranges = np.where(np.isposinf(ranges), np.float32(self._endless), ranges).tolist()
         near = [place for place in self.others if np.hypot(*(place - laser[:2])) < message.range_max + 1.0]
         if near:
             ranges = np.array(message.ranges, np.float32)

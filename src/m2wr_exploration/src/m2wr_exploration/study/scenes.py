@@ -56,6 +56,24 @@ class Place:
     wanted: BoolArray
 
 
+def whole_map(world: World, *places: Sequence[float]) -> Costmap:
+    """Return the true map of a world.
+
+    Parameters
+    ----------
+    world : World
+    *places : (N,) float
+        Points x, y [m] that have to be on it, besides all obstacles; more numbers are ignored.
+
+    Raises
+    ------
+    ValueError
+        If the world is too large.
+    """
+    ends = np.array([point[:2] for point in places], float).reshape(-1, 2)
+    return costmap_of(obstacle_outlines(world, FLOOR, ROBOT_HEIGHT), ends, ROOM)
+
+
 def place(name: str, world: World, start: Tuple[float, float, float]) -> Place:
     """Return a world with its truth.
 
@@ -71,8 +89,7 @@ def place(name: str, world: World, start: Tuple[float, float, float]) -> Place:
     ValueError
         If the robot cannot be at its start, or the world is too large.
     """
-    outlines = obstacle_outlines(world, FLOOR, ROBOT_HEIGHT)
-    truth = costmap_of(outlines, np.array([start[:2]]), ROOM)
+    truth = whole_map(world, start)
     return Place(name, world, start, truth, reachable_area(truth, np.array(start[:2]), ROOM))
 
 

@@ -211,3 +211,16 @@ def match(first: Costmap, second: Costmap) -> Match:
                  100.0 * other, 100.0 * OTHER)))
     confidence, reason = min(tests)
     return Match(pose, float(confidence), wall, agree, other, "" if confidence >= 1.0 else reason)
+
+
+def agreement_of(first: Costmap, second: Costmap, pose: FloatArray) -> float:
+    """Return the share of the obstacles in the overlap of two maps that agree; 1 if they do not overlap.
+
+    Parameters
+    ----------
+    first, second : Costmap
+    pose : (3,) float64
+        Of the second map's frame in the first one's [m, m, rad].
+    """
+    _, _, agreeing, contradicting = _both(_Side(first), _Side(second), pose)
+    return agreeing / (agreeing + contradicting) if agreeing + contradicting else 1.0
