@@ -44,6 +44,10 @@ class Notes:
             else:
                 self._dropped += 1
 
+    def size(self) -> Tuple[int, int, int]:
+        """Return the numbers of subjects, faults and elements without effect; if equal, nothing was added."""
+        return len(self._subjects), len(self._faults), len(self._ignored)
+
     def aside(self, sentence: str, subject: Hashable) -> None:
         """Add a sentence for level info, unless its subject was reported before.
 

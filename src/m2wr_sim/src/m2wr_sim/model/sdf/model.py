@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -29,6 +30,7 @@ from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
 from m2wr_sim.model.sdf.gears import read_gear
 from m2wr_sim.model.sdf.joint import named_end, read_joint
+from m2wr_sim.model.sdf.known_links import KnownLinks
 from m2wr_sim.model.sdf.light import read_light
 from m2wr_sim.model.sdf.nesting import merged, merged_plugins, merges, nested_plugins, scoped
 from m2wr_sim.model.sdf.node import Node
@@ -62,6 +64,7 @@ class SdfContext:
     roots: Dict[str, Any] = field(default_factory=dict)     # file -> parsed root or its XmlError, each is parsed once
     # (file, static) -> model as in the file, or XmlError
     models: Dict[Tuple[str, Optional[bool]], Union[Model, XmlError]] = field(default_factory=dict)
+    known_links: KnownLinks = field(default_factory=KnownLinks)
     nesting: int = 0
     most_parts: Optional[int] = None                        # links and collisions together; None: any number
     links: int = 0
@@ -337,7 +340,8 @@ def read_model(node: Node, context: SdfContext, static: Optional[bool] = None) -
     files = MeshReader(notes, context.resolve_model)
     links: List[Link] = []
     for _, child in link_nodes:
-        links.append(_read_link(child, frames, static, self_collide, files))
+        links.append(context.known_links.read(child, (static, self_collide), partial(
+            _read_link, child, frames, static, self_collide, files)))
         context.count(child, len(links[-1].collisions))
     plugins = read_plugins(node)
     joints: List[Joint] = []
