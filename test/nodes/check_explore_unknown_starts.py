@@ -17,7 +17,7 @@ from gazebo_msgs.msg import ModelStates
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from launch_runs import Launched  # noqa: E402
 from m2wr_gmapping.io.saved_map_reader import read_map  # noqa: E402
-from sim_probe import Recorder, data_path, run_checks  # noqa: E402
+from sim_probe import Recorder, data_path, run_checks, yaw_of  # noqa: E402
 
 PATIENCE = 240.0            # s of wall time for a run, also on a busy machine
 OFF, TURNED = 0.15, 0.04    # m, rad: three cells; the error of both mappers and of the comparison
@@ -28,7 +28,7 @@ PLACED = re.compile(r"the map of robot2 lies at \((-?[\d.]+), (-?[\d.]+)\), (-?[
 
 def planar(pose):
     """Return x, y and yaw of a message."""
-    return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+    return pose.position.x, pose.position.y, yaw_of(pose.orientation)
 
 
 class UnknownStarts(unittest.TestCase):

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 import numpy as np
 
 from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, Explorer, Teammate
-from m2wr_exploration.team.placing import Placing, moved
+from m2wr_exploration.team.placing import Placing
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_navigation.costmap.footprint import placed
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int8Array
@@ -113,8 +114,8 @@ class Crew:
                 continue
             target = member.explorer.target
             claim = member.place if member.explorer.state != EXPLORING else None if target is None else target.centre
-            found.append(Teammate(moved(frame, member.place), None if claim is None else moved(frame, claim),
-                                  moved(frame, member.explorer.aside.refused(now))))
+            found.append(Teammate(placed(member.place, frame), None if claim is None else placed(claim, frame),
+                                  placed(member.explorer.aside.refused(now), frame)))
         return found
 
     def share(self, number: int) -> None:
@@ -129,7 +130,7 @@ class Crew:
                 for other, member in enumerate(self.members):
                     frame = self.placing.relative(other, number)
                     if other != number and frame is not None:
-                        member.explorer.aside.take(replace(entry, points=moved(frame, entry.points))
+                        member.explorer.aside.take(replace(entry, points=placed(entry.points, frame))
                                                    if frame.any() else entry)
 
     def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
@@ -148,7 +149,7 @@ class Crew:
         reach = int(math.ceil(BODY / known.resolution))
         for other, member in enumerate(self.members):
             frame = self.placing.relative(number, other)
-            cell = None if member.place is None or frame is None else known.cell(*moved(frame, member.place))
+            cell = None if member.place is None or frame is None else known.cell(*placed(member.place, frame))
             if other != number and cell is not None and self.stands(other, now):
                 rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
                 occupancy[rows, columns] = 100

@@ -199,7 +199,7 @@ class Explorer:
 
     def _stalls(self, now: float, costmap: Costmap) -> bool:
         """Return whether nothing new was seen for too long: so exploration ends, whatever the frontiers do."""
-        known = float(np.count_nonzero(costmap.costs != NO_INFORMATION)) * costmap.resolution ** 2
+        known = costmap.known_area
         if known > self._known + GROWTH:
             self._known, self._grew = known, now
         return now - self._grew > self.values["stall_timeout"]

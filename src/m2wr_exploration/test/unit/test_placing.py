@@ -8,9 +8,10 @@ import pytest
 from exploration_grids import grid
 from m2wr_exploration.team import placing as module
 from m2wr_exploration.team.map_match import Match
-from m2wr_exploration.team.placing import Placing, known_area, moved
+from m2wr_exploration.team.placing import Placing
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.costmap.footprint import placed
 
 NAMES = ["robot1", "robot2", "robot3"]
 POSE = np.array([2.0, -1.0, 0.5])
@@ -37,8 +38,8 @@ def good(pose=POSE):
 
 
 def test_points_and_areas():
-    assert moved(np.array([1.0, 2.0, math.pi / 2.0]), np.array([[3.0, 0.0]])) == pytest.approx(np.array([[1.0, 5.0]]))
-    assert known_area(area(12.0)) == pytest.approx(12.0)
+    assert placed(np.array([[3.0, 0.0]]), np.array([1.0, 2.0, math.pi / 2.0])) == pytest.approx(np.array([[1.0, 5.0]]))
+    assert area(12.0).known_area == pytest.approx(12.0)
 
 
 def test_known_starts_are_one_group_from_the_beginning():

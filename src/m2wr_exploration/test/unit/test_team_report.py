@@ -10,9 +10,9 @@ from m2wr_exploration.registry import find
 from m2wr_exploration.ros.team_report import TeamReport
 from m2wr_exploration.study.scenes import whole_map
 from m2wr_exploration.team.merging import merge
-from m2wr_exploration.team.placing import moved
 from m2wr_gmapping.io.saved_map_reader import read_map
 from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.costmap.footprint import placed
 from m2wr_navigation.parameters import read
 from m2wr_sim.api import read_world
 
@@ -77,7 +77,7 @@ def test_a_world_or_a_folder_that_is_not_there_is_told(said, tmp_path):
 def test_a_map_in_another_frame_is_placed_on_the_world(said):
     world, pose = whole_map(read_world("world02")), np.array([1.0, -7.0, 0.5])       # of the world in the map
     report = TeamReport("", "world02", in_world=False)
-    report.begin(0.0, moved(pose, np.array([0.0, 8.0])))
+    report.begin(0.0, placed(np.array([0.0, 8.0]), pose))
     report.tell(1.0, crew(), merge([world], [pose]))
     assert any(text.startswith(("100.0 %", "99.9 %")) and text.endswith("were seen") for text in said), said
 

@@ -11,8 +11,8 @@ from m2wr_exploration.study.scenes import place, whole_map
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.map_match import match
 from m2wr_exploration.team.merging import merge
-from m2wr_exploration.team.placing import moved
 from m2wr_gmapping.io import map_file
+from m2wr_navigation.costmap.footprint import placed
 from m2wr_navigation.ros.grid_messages import OCCUPANCY
 from m2wr_node.user_folder import from_user
 from m2wr_sim.api import read_world
@@ -102,7 +102,7 @@ class TeamReport:
                 if found.confidence < 1.0:
                     raise ValueError("where the map lies in the world is not certain: " + found.reason)
                 pose = found.pose
-            start = moved(pose, np.array(self._start[:2], float))
+            start = placed(np.array(self._start[:2], float), pose)
             scene = place(self._world, world, (float(start[0]), float(start[1]), 0.0))
         except (SimError, ValueError) as error:
             rospy.logwarn("the share that was seen is not known: %s", error)

@@ -17,7 +17,7 @@ import numpy as np
 from m2wr_exploration.team.map_match import agreement_of, match
 from m2wr_exploration.team.merging import merge
 from m2wr_gmapping.se2 import compose, inverse
-from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
+from m2wr_navigation.costmap.footprint import placed
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -27,26 +27,6 @@ GROWN = 2.0                 # m^2: by which one of two maps has to grow until th
 SAME, SAME_TURN = 0.3, 0.05  # m, rad: two results that differ by less are the same: a few cells, at the middle of a map
 CONTRADICTS = 0.15          # share of the obstacles that both maps could have seen, from which a robot leaves its group
 AMBIGUOUS = 0.8             # of the best score: another place with more makes it leave; joining asks for less than 0.7
-
-
-def moved(pose: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points (N, 2) of a frame in the frame in which it has a pose [m].
-
-    Parameters
-    ----------
-    pose : (3,) float64
-        [m, m, rad]
-    points : (N, 2) float64
-        [m]
-    """
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    placed: FloatArray = np.asarray(points, float) @ np.array([(cosine, sine), (-sine, cosine)]) + pose[:2]
-    return placed
-
-
-def known_area(costmap: Costmap) -> float:
-    """Return the known area of a map [m^2]."""
-    return float(np.count_nonzero(costmap.costs != NO_INFORMATION)) * costmap.resolution ** 2
 
 
 class Placing:
@@ -124,7 +104,7 @@ class Placing:
         told = self._check(maps)
         together = {group: self._merged(group, maps) for group in set(self.groups)
                     if any(robot in maps for robot in self.members(group))}
-        areas = {group: known_area(costmap) for group, costmap in together.items()}
+        areas = {group: costmap.known_area for group, costmap in together.items()}
         for first in sorted(together):
             for second in sorted(together):
                 area = areas[first] + areas[second]
@@ -186,7 +166,7 @@ class Placing:
             if robot == group or not others:
                 continue
             rest = merge([maps[other] for other in others], [self.frames[other] for other in others])
-            area = known_area(costmap) + known_area(rest)
+            area = costmap.known_area + rest.known_area
             if area < self._checked.get(robot, 0.0) + GROWN:
                 continue
             self._checked[robot] = area
@@ -218,5 +198,5 @@ def _doubt(rest: Costmap, costmap: Costmap, pose: FloatArray) -> str:
 def _agree(one: FloatArray, other: FloatArray, costmap: Costmap) -> bool:
     """Return whether two poses of a map are the same, as seen at its middle."""
     middle = (costmap.origin + 0.5 * costmap.resolution * np.array(costmap.shape[::-1]))[None]
-    apart = moved(one, middle)[0] - moved(other, middle)[0]
+    apart = placed(middle, one)[0] - placed(middle, other)[0]
     return bool(np.hypot(*apart) < SAME and abs(math.remainder(one[2] - other[2], 2.0 * math.pi)) < SAME_TURN)

@@ -96,7 +96,7 @@ class Survey:
     @property
     def known_area(self) -> float:
         """Area of the free and occupied cells [m^2]."""
-        return float(np.count_nonzero(self.costs.costs != NO_INFORMATION)) * self.costs.resolution ** 2
+        return self.costs.known_area
 
     def incline(self, orientation: Sequence[float]) -> None:
         """Take note of the robot's inclination: scans of a robot that pitches are not added.

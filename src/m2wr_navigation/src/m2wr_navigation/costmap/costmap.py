@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
+from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array, Vector
 
@@ -63,6 +65,11 @@ class Costmap:
     def columns(self) -> int:
         """Number of columns."""
         return self.costs.shape[1]
+
+    @property
+    def known_area(self) -> float:
+        """Area of the cells that are not unknown [m^2]."""
+        return float(np.count_nonzero(self.costs != NO_INFORMATION)) * self.resolution ** 2
 
     def copy(self) -> Costmap:
         """Return a costmap that shares no memory with this one."""

@@ -133,12 +133,12 @@ def radii(corners: FloatArray) -> Tuple[float, float]:
 
 
 def placed(corners: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return corners (K, 2) of a footprint at a pose, in the frame of the pose [m].
+    """Return points at a pose, such as the corners of a footprint, in the frame of the pose [m].
 
     Parameters
     ----------
-    corners : (K, 2) float64
-        In the base frame [m].
+    corners : (K, 2) or (2,) float64
+        In the frame that has the pose, such as the base frame [m].
     pose : (3,) float64
         [m, m, rad]
     """
