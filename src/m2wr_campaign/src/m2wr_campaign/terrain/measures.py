@@ -27,9 +27,11 @@ def measures_of(heights: NDArray[np.float64], cell: float) -> Dict[str, float]:
         triangles [deg]; ``step_95``, ``step_max``: between neighbours [m].
     """
     rows, columns = heights.shape
-    y, x = np.mgrid[0:rows, 0:columns] * cell
-    plane = np.stack((x.ravel(), y.ravel(), np.ones(heights.size)), 1)
-    rest = heights.ravel() - plane @ np.linalg.lstsq(plane, heights.ravel(), rcond=None)[0]
+    x, y = (np.arange(count) - 0.5 * (count - 1) for count in (columns, rows))
+    rest = heights - heights.mean()
+    # the least squares solution of each coefficient alone, as x, y and 1 are orthogonal on a grid about its centre
+    rest = (rest - x * (x * rest.mean(axis=0)).sum() / (x * x).sum()
+            - y[:, None] * (y * rest.mean(axis=1)).sum() / (y * y).sum())
     along, down = np.diff(heights, axis=1), np.diff(heights, axis=0)
     # the diagonal rises with x and against the rows: one triangle has the upper and left side, one the lower and right
     slopes = np.degrees(np.arctan(np.concatenate((np.hypot(along[:-1], down[:, :-1]).ravel(),
