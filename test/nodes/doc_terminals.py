@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the blocks of a document as a reader would: one terminal for each, in one folder, with one ROS master."""
+import contextlib
 import glob
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -12,10 +14,27 @@ import time
 import rosgraph
 
 from doc_blocks import LIMIT
-from sim_probe import end_marked, marked_environment, wait_until
+from sim_probe import end_marked, marked, marked_environment, wait_until
 
 ENDING = 30.0       # s that a program may take to end after Ctrl-C
 FIRST_LINES = "set -eo pipefail\n"
+
+
+def stacks(mark):
+    """End the programs with a mark by SIGQUIT, at which ours print their stacks; returns their command lines."""
+    asked = []
+    for pid, command in sorted(marked(mark).items()):
+        try:
+            with open("/proc/%d/status" % pid, encoding="utf-8") as stream:
+                caught = int(re.search(r"SigCgt:\s*(\w+)", stream.read()).group(1), 16)
+            if caught & 1 << signal.SIGQUIT - 1:
+                os.kill(pid, signal.SIGQUIT)
+                asked.append(command[:120])
+        except OSError:         # ended meanwhile
+            continue
+    with contextlib.suppress(AssertionError):
+        wait_until(lambda: not set(asked) & {command[:120] for command in marked(mark).values()}, "their ends", ENDING)
+    return "; these were ended for their stacks: " + ("; ".join(asked) or "none")
 
 
 class Terminal:
@@ -134,7 +153,7 @@ class Terminal:
         try:
             self.process.wait(limit)
         except subprocess.TimeoutExpired:
-            self._fail("did not end within %g s" % limit)
+            self._fail("did not end within %g s%s" % (limit, stacks(self._mark)))
         self._reader.join(ENDING)
         if self.process.returncode != code:
             self._fail("ended with code %d, expected %d" % (self.process.returncode, code))

@@ -4,9 +4,12 @@
 The first import of every executable, and of nothing else: the import itself changes how SIGINT is handled.  Python
 raises KeyboardInterrupt at any place.  During imports this prints a long traceback; in a finaliser or a callback the
 exception is lost, and the program continues as if Ctrl-C had not been pressed.
+
+Ctrl-\\ (SIGQUIT) ends a program that hangs; before that it prints the stack of every thread.
 """
 from __future__ import annotations
 
+import faulthandler
 import signal
 
 TYPE_CHECKING = False       # as in typing, whose import takes longer than the rest of this module
@@ -36,4 +39,13 @@ def interruptible(main: Callable[..., Any], *words: Any) -> Any:
         _change(signal.default_int_handler, signal.SIG_DFL)         # while Python ends: no traceback either
 
 
+def _print_stacks_at_quit() -> None:
+    if signal.getsignal(signal.SIGQUIT) != signal.SIG_IGN:
+        try:
+            faulthandler.register(signal.SIGQUIT, chain=True)
+        except (AttributeError, RuntimeError, ValueError, OSError):     # no stderr with a file descriptor
+            return
+
+
 _change(signal.default_int_handler, signal.SIG_DFL)
+_print_stacks_at_quit()

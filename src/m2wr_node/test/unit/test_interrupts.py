@@ -77,3 +77,16 @@ def test_a_program_may_make_an_exit_code_of_it():
 @pytest.mark.parametrize("where", ["imports", "plain"])
 def test_an_ignored_signal_stays_ignored(where):
     assert run_interrupted(where, ignored=True) == (-signal.SIGTERM, "deep in %s\n" % where)
+
+
+def test_quit_prints_the_stack_of_a_program_that_hangs():
+    program = subprocess.Popen([sys.executable, "-c", PROGRAM % "m2wr_node.interrupts", "plain"],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+    try:
+        program.stdout.readline()
+        program.send_signal(signal.SIGQUIT)
+        said = program.communicate(timeout=30)[1]
+    finally:
+        program.kill()
+    assert program.returncode == -signal.SIGQUIT
+    assert "in main" in said and "most recent call first" in said
