@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ctrl-C during the imports of a program ends it at once and without a traceback.
+r"""Ctrl-C during the imports of a program ends it at once and without a traceback.
 
 The first import of every executable, and of nothing else: the import itself changes how SIGINT is handled.  Python
 raises KeyboardInterrupt at any place.  During imports this prints a long traceback; in a finaliser or a callback the
 exception is lost, and the program continues as if Ctrl-C had not been pressed.
 
-Ctrl-\\ (SIGQUIT) ends a program that hangs; before that it prints the stack of every thread.
+Ctrl-\ (SIGQUIT) ends a program that hangs; before that it prints the stack of every thread.
 """
 from __future__ import annotations
 
