@@ -33,6 +33,14 @@ def test_goals_are_inside_of_the_world(name):
     assert (place.cells[cells[:, 1], cells[:, 0]] == 0).all()
 
 
+def test_the_map_is_not_shifted_against_the_world():
+    place, half = scenes.scene("house"), scenes.HALF_OF_A_WALL
+    rows, columns = np.nonzero(place.cells == 100)
+    centres = (np.stack([columns, rows], -1) + 0.5) * place.map.resolution + place.origin
+    assert centres.min(axis=0) == pytest.approx([-7.0 - half, -5.0 - half], abs=0.001)
+    assert centres.max(axis=0) == pytest.approx([7.0 + half, 5.0 + half], abs=0.012)    # not whole cells away
+
+
 def test_goals_are_in_the_largest_part_that_is_connected():
     cells = np.zeros((60, 100), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = 100

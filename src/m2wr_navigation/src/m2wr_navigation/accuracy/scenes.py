@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Dict, Tuple
 
 import numpy as np
 
-from m2wr_navigation.compare.planned import RESOLUTION, costmap_of
+from m2wr_navigation.compare.planned import MARGIN, RESOLUTION, costmap_of
 from m2wr_navigation.costmap.cost_layout import LETHAL
 from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.localization.localization_map import LocalizationMap
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 HALF_OF_A_WALL = 0.08       # m
 LASER_HEIGHT, SLICE = 0.15, 0.005           # m: of m2wr above the floor; half of the height that counts
+#: Free space around the world [m]: whole cells and a half. The outermost walls, and those that are whole cells away
+#: from them, have their faces at centres of cells, from where amcl measures. On the border of two cells rounding
+#: decides which one is occupied, for all of these walls alike, and the map is half a cell away from the world.
+FRAME = MARGIN + 0.5 * RESOLUTION
 GAP = 0.3                   # m: half of the widest gap in the walls around a world that does not lead outside
 _WORLD = """<?xml version="1.0"?>
 <sdf version="1.6"><world name="default">
@@ -145,7 +149,7 @@ def scene(name: str, height: float = LASER_HEIGHT) -> Scene:
     else:
         world = read_world(name)
     outlines = obstacle_outlines(world, height - SLICE, height + SLICE)
-    truth = costmap_of(outlines, np.zeros((1, 2)), HALF_OF_A_WALL)
+    truth = costmap_of(outlines, np.zeros((1, 2)), HALF_OF_A_WALL, FRAME)
     occupied = truth.costs == LETHAL
     cells = np.where(occupied, 100, 0).astype(np.int8)
     cells[~occupied & _is_around(occupied)] = -1

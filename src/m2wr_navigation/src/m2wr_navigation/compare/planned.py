@@ -33,7 +33,7 @@ ARRIVED = 0.2               # m, as for methods
 PATIENCE = 10.0             # s without a valid command, after which the robot is stuck
 
 
-def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float) -> Costmap:
+def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float, margin: float = MARGIN) -> Costmap:
     """Return the true costmap of a world, in which a disc is free of obstacles.
 
     Parameters
@@ -43,6 +43,8 @@ def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float) ->
         Places that have to be on it [m].
     radius : float
         Of the disc [m], such as the one in which the robot can turn.
+    margin : float
+        Free space around all that is known [m].
 
     Raises
     ------
@@ -50,7 +52,7 @@ def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float) ->
         If the world is larger than LARGEST cells.
     """
     points = np.concatenate([ends] + [outline.vertices for outline in obstacles])
-    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     columns, rows = (int(count) for count in np.ceil((high - low) / RESOLUTION))
     if max(rows, columns) > LARGEST:
         raise ValueError("the world is {:.0f} x {:.0f} m; expected at most {:.0f} m a side".format(
