@@ -65,7 +65,7 @@ def compile_planner_kernels() -> None:
     for side in (64, potential_search.SIDE):
         costmap = Costmap.filled((side, side), 0.1, (0.0, 0.0), 0)
         costmap.costs[10:20, 15], costmap.costs[30, 30] = 254, 254
-        costmap.costs[5, 5] = 253
+        costmap.costs[5, 5], costmap.beside = 253, 0.15
         for name in ("NavfnROS", "AStar", "ThetaStar", "RRT", "InformedRRTStar", "HybridAStar"):
             kind = registry.find(registry.PLANNERS, name)
             kind(read(kind.PARAMETERS, {"iterations": 100}, name)[0]).plan(costmap, start, goal, 0.3)

@@ -166,3 +166,8 @@ def test_a_robot_in_an_obstacle_does_not_back_into_a_far_one():
         dwa = controller(min_vel_x=-0.5, min_vel_trans=0.0, vx_samples=2, acc_lim_x=10.0, max_vel_theta=0.0)
         command = dwa.compute(situation(costmap, straight((-1.0, 0.0, 0.0))))
         assert (0.0 if command.velocity is None else command.velocity[0]) == speed
+
+
+@pytest.mark.parametrize("limits, sideways", [((0.0, 0.0), False), ((0.0, 0.1), True), ((-0.1, 0.0), True)])
+def test_it_drives_sideways_if_its_limits_allow_it(limits, sideways):
+    assert controller(min_vel_y=limits[0], max_vel_y=limits[1]).drives_sideways is sideways

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from layer_scene import CORNERS, MIDDLE, RESOLUTION, costmap, laser, layer, see
+from m2wr_navigation.costmap.footprint import circle
 from m2wr_navigation.costmap.layer import Window
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.static_layer import MapError
@@ -203,3 +204,16 @@ def test_layers_are_measured_by_the_clock_that_is_given():
     made.add(layer("costmap_2d::InflationLayer"))
     made.update(np.zeros(3), 1.0)
     assert set(made.spent) == {each.name for each in made.layers} and set(made.spent.values()) == {2.0}
+
+
+#: A footprint, and half its width where plans have to keep it free [m].
+@pytest.mark.parametrize("corners, half", [
+    ([[-0.3, -0.2], [0.05, -0.2], [0.05, 0.2], [-0.3, 0.2]], 0.2), ([[-0.3, -0.2], [0.3, -0.2], [0.0, 0.25]], 0.25),
+    ([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]], 0.0), (circle(0.3), 0.0)])
+def test_plans_need_half_the_width_of_a_footprint_off_centre(corners, half):
+    whole = costmap(layer("InflationLayer"))
+    whole.set_footprint(np.array(corners))
+    whole.update(MIDDLE, 0.0)
+    assert whole.snapshot().beside == 0.0       # of a robot that drives sideways
+    whole.drives_sideways = False
+    assert whole.snapshot().beside == whole.snapshot().copy().beside == half

@@ -231,3 +231,39 @@ def test_the_cost_of_a_line_is_its_integral(ends, cost):
     costs[3, 2:5], costs[7, 9] = 100, 254
     table = np.where(np.arange(256) == 254, np.inf, np.where(np.arange(256) == 100, 2.0, 1.0)).astype(np.float32)
     assert line_cost(costs, table, *ends) == pytest.approx(cost)
+
+
+def crossing():
+    """A wall with a gap of 4 cells in the middle, and one of 12 cells at its far end."""
+    costs = np.zeros((60, 60), np.uint8)
+    costs[29:31, 12:] = 254
+    costs[29:31, 40:44] = 0
+    return grid(inflated(costs, inscribed=0.04, scaling=30.0))
+
+
+@pytest.mark.parametrize("name", sorted(set(RATIOS) - set(SAMPLING)))
+@pytest.mark.parametrize("half, crossed", [(0.0, (41, 43)), (0.12, (0, 12))])
+def test_a_plan_has_room_for_the_width_on_each_side(name, half, crossed):
+    costmap = crossing()
+    costmap.beside = half
+    before = costmap.costs.copy()
+    plan = planner(name).plan(costmap, pose(10, 42), pose(50, 42))
+    across = plan.poses[np.argmin(np.abs(plan.poses[:, 1] - 1.5)), 0] / RESOLUTION
+    assert plan.reason == plan.remark == "" and crossed[0] - 1 <= across <= crossed[1], across
+    assert (costmap.costs == before).all()
+
+
+@pytest.mark.parametrize("row", [28, 27])
+def test_a_goal_in_front_of_a_wall_may_be_nearer_than_the_width(row):
+    costmap = crossing()
+    costmap.beside = 0.17
+    plan = planner("NavfnROS").plan(costmap, pose(10, 20), pose(row, 30))
+    assert plan.poses[-1, :2] == pytest.approx(pose(row, 30)[:2]) and plan.remark == ""
+
+
+def test_a_plan_through_the_only_gap_tells_that_it_is_narrow():
+    costmap = crossing()
+    costmap.beside = 0.12
+    costmap.costs[29:31, :12] = 254
+    plan = planner("NavfnROS").plan(costmap, pose(10, 42), pose(50, 42))
+    assert len(plan.poses) and plan.remark == "the plan leads through a place that is narrower than the robot, 0.24 m"

@@ -164,6 +164,7 @@ class Navigator(Costmaps):
         """
         if self.supervisor.wants_plan or now - self._planned >= self._replan:
             self._planned = now
+            self.maps["global"].drives_sideways = self.supervisor.controller.drives_sideways
             found: Plan = self.planner.plan(self.maps["global"].snapshot(), self._pose, self._goal)
             self.messages += self.supervisor.take_plan(self._number, found, now)
             self._plan = found.poses if len(found.poses) else self._plan

@@ -88,6 +88,11 @@ class Controller(Configurable, ABC):
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
     """
 
+    @property
+    def drives_sideways(self) -> bool:
+        """Whether commands may have a speed to the side."""
+        return False
+
     @abstractmethod
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:
         """Take note of a new global plan; the plan itself comes with each :class:`Situation`.

@@ -88,6 +88,10 @@ class Dwa(SamplingController):
     }
 
     @property
+    def drives_sideways(self) -> bool:
+        return bool(self.values["min_vel_y"] < 0.0 or self.values["max_vel_y"] > 0.0)
+
+    @property
     def goal_limits(self) -> GoalLimits:
         values = self.values
         return GoalLimits((values["trans_stopped_vel"], values["theta_stopped_vel"]),

@@ -133,6 +133,10 @@ class TrajectoryPlanner(SamplingController):
                       & (rates >= values["min_vel_theta"] - 1e-9)]
         return np.stack([np.zeros(len(rates)), np.zeros(len(rates)), rates], -1)
 
+    @property
+    def drives_sideways(self) -> bool:
+        return bool(self.values["holonomic_robot"])
+
     def _sideways(self) -> FloatArray:
         """Return the velocities (N, 3) of steps to the side; N is 0 if the robot cannot make them."""
         speeds = _numbers(self.values["y_vels"]) if self.values["holonomic_robot"] else []

@@ -27,12 +27,16 @@ class Costmap:
         Corner of cell (0, 0) with the least x and y, in the frame of the costmap [m].
     frame : str
         Name of that frame.
+    beside : float
+        Distance from lethal cells that plans keep on each side, where the inscribed radius in the costs is less than
+        the robot needs [m]; 0: the costs are all.
     """
 
     costs: Uint8Array
     resolution: float
     origin: FloatArray
     frame: str = "map"
+    beside: float = 0.0
 
     @classmethod
     def filled(cls, size: Tuple[int, int], resolution: float, origin: Vector, cost: int, frame: str = "map") -> Costmap:
@@ -73,7 +77,7 @@ class Costmap:
 
     def copy(self) -> Costmap:
         """Return a costmap that shares no memory with this one."""
-        return Costmap(self.costs.copy(), self.resolution, self.origin.copy(), self.frame)
+        return Costmap(self.costs.copy(), self.resolution, self.origin.copy(), self.frame, self.beside)
 
     def cell(self, x: float, y: float) -> Optional[Tuple[int, int]]:
         """Return (row, column) of the cell that holds a point, or None outside.

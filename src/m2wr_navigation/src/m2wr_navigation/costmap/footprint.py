@@ -132,6 +132,22 @@ def radii(corners: FloatArray) -> Tuple[float, float]:
     return float(np.hypot(*nearest.T).min()), float(np.hypot(*corners.T).max())
 
 
+def half_width(corners: FloatArray) -> float:
+    """Return what a footprint needs on each side of the line that the base frame's origin drives along [m].
+
+    Parameters
+    ----------
+    corners : (K, 2) float64
+        [m]
+
+    Returns
+    -------
+    float
+        Greatest distance of a corner from the x axis, on the wider side.
+    """
+    return float(np.abs(corners[:, 1]).max())
+
+
 def placed(corners: FloatArray, pose: FloatArray) -> FloatArray:
     """Return points at a pose, such as the corners of a footprint, in the frame of the pose [m].
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from m2wr_navigation.costmap.cost_layout import FREE, NO_INFORMATION
 from m2wr_navigation.costmap.costmap import Costmap
-from m2wr_navigation.costmap.footprint import radii
+from m2wr_navigation.costmap.footprint import half_width, radii
 from m2wr_navigation.costmap.layer import Layer, Window
 from m2wr_navigation.costmap.obstacle_layer import ObstacleLayer
 from m2wr_navigation.costmap.shift import shifted
@@ -46,6 +46,9 @@ class LayeredCostmap:
     ----------
     spent : dict of str to float
         Time that each layer took in the last update, by its name [s]; empty without a clock.
+    drives_sideways : bool
+        Whether the robot can drive to the side. If not, it needs half its width on each side of a plan: snapshots say
+        so where the inscribed radius is less, because the footprint is not centred about the base frame's origin.
     """
 
     def __init__(self, frame: str, size: Tuple[float, float], resolution: float, origin: Tuple[float, float],
@@ -59,6 +62,7 @@ class LayeredCostmap:
         shape = (max(1, int(round(size[1] / resolution))), max(1, int(round(size[0] / resolution))))
         self.master = Costmap.filled(shape, resolution, origin, self._default, frame)
         self.inscribed = self.circumscribed = 0.0
+        self.drives_sideways = True
         self._renewed, self._was_updated = True, False
         self._shown_lock = threading.Lock()     # so that a snapshot does not wait for an update
         self._shown, self._handed_out = self.master.copy(), True
@@ -182,7 +186,15 @@ class LayeredCostmap:
         """Return the costmap after the last whole update; it never changes afterwards and must not be written to."""
         with self._shown_lock:
             self._handed_out = True
+            self._shown.beside = self._beside()
             return self._shown
+
+    def _beside(self) -> float:
+        """Return half the robot's width where plans have to keep it free [m]; less than half a cell does not count."""
+        if self.drives_sideways or not len(self._footprint):
+            return 0.0
+        half = half_width(self._footprint)
+        return half if half - self.inscribed > 0.5 * self.master.resolution else 0.0
 
     def refresh(self) -> None:
         """Let the next update write all cells again, after a change of parameters or a new map."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Tuple
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
 from m2wr_navigation.parameters import Configurable
 from m2wr_navigation.planners import wave_kernels
+from m2wr_navigation.planners.free_sides import with_free_sides
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
@@ -35,10 +36,13 @@ class Plan:
         From the robot to the goal, in the frame of the costmap [m, m, rad]; N = 0: there is none.
     reason : str
         Why there is none, one sentence; empty for a path.
+    remark : str
+        What a user may wonder about a path, one sentence; may be empty.
     """
 
     poses: FloatArray
     reason: str = ""
+    remark: str = ""
 
     @classmethod
     def none(cls, reason: str) -> Plan:
@@ -83,8 +87,16 @@ class Planner(Configurable, ABC):
         -------
         Plan
         """
+        start, goal = np.asarray(start, float), np.asarray(goal, float)
+        remark = ""
         try:
-            return self.search(costmap, np.asarray(start, float), np.asarray(goal, float), tolerance)
+            if costmap.beside > 0.0:
+                try:
+                    return self.search(with_free_sides(costmap, goal), start, goal, tolerance)
+                except PlanningError:       # as the original does: cells are coarse, and the controller has the outline
+                    remark = "the plan leads through a place that is narrower than the robot, {:.2f} m".format(
+                        2.0 * costmap.beside)
+            return replace(self.search(costmap, start, goal, tolerance), remark=remark)
         except PlanningError as error:
             return Plan.none(str(error))
 

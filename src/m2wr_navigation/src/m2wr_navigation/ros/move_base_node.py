@@ -87,6 +87,7 @@ class MoveBase:
         circumscribed = self.maps["local"].costmap.circumscribed
         self._supervisor = Supervisor(self._values, self._controller.controller, make_recoveries(
             self._values, circumscribed, BothCostmaps(self.maps)))
+        self._note_drive()
         self._planning = PlannerThread(self._plan)
         self._goal: Optional[FloatArray] = None         # in the frame of the global costmap
         self._plan_in_use: Optional[FloatArray] = None
@@ -315,7 +316,12 @@ class MoveBase:
         except TransformError as error:
             return Plan.none("the pose of the robot is not known: " + str(error))
         assert self._goal is not None
+        self._note_drive()
         return self.planner.plan(whole.snapshot(), start, self._goal)
+
+    def _note_drive(self) -> None:
+        """Tell the global costmap whether the controller drives to the side; its parameters may have changed."""
+        self.maps["global"].costmap.drives_sideways = self._supervisor.controller.drives_sideways
 
     def close(self) -> None:
         """Stop the robot at shutdown."""

@@ -100,6 +100,8 @@ class PlannerServer:
             self._path.publish(path_message(plan.poses, np.full(len(plan.poses), stamp.to_sec()),
                                             Header(stamp=stamp, frame_id=costmap.frame)))
             self._show_potential(costmap, stamp)
+            if plan.remark:
+                rospy.logwarn_throttle(30.0, plan.remark)
             return plan
 
     def _show_potential(self, costmap: Costmap, stamp: rospy.Time) -> None:
