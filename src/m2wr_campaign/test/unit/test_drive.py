@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_campaign.rough.drive import REACHED, SLIPPED, STUCK, TIPPED, Watch, drive, on_relief, world_of
+from m2wr_campaign.rough.drive import REACHED, SLIPPED, STUCK, TIPPED, Watch, drive, on_relief, patched_world, world_of
 from m2wr_campaign.terrain.relief import Grid
 from m2wr_sim.api import Sim
 from m2wr_sim.geometry import quaternion_from_rpy
@@ -59,3 +59,19 @@ def test_larger_wheels_get_over_what_stops_m2wr():
     outcomes = [on_relief(robot, {"fractal": 0.06, "rubble": 0.06}, 3, size=14.0, samples=129)["outcome"]
                 for robot in ("m2wr", "m2wr_rough")]
     assert outcomes[1] == REACHED and outcomes[0] in (REACHED, SLIPPED, STUCK)
+
+
+def test_patches_have_their_own_friction_and_the_same_ground():
+    grid = Grid(33, 8.0)
+    heights, which = 0.1 * np.sin(grid.places[0]), np.zeros((32, 32), np.int64)
+    plain = patched_world(grid, heights, which, ("ice",)).models[0].links[0].collisions
+    assert [each.name for each in plain] == ["ground"]
+    which[:, 20:] = 1
+    parts = patched_world(grid, heights, which, ("ice",)).models[0].links[0].collisions
+    assert [(each.name, each.surface.mu) for each in parts] == [("ground", 1.0), ("ice", 0.1)]
+    assert sum(len(each.geometry.triangles) for each in parts) == 2 * 32 * 32
+    for each in parts:
+        corners = each.geometry.vertices[each.geometry.triangles]
+        assert (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0).all()
+        assert each.geometry.vertices[:, 2] == pytest.approx(0.1 * np.sin(each.geometry.vertices[:, 0]))
+    assert parts[1].geometry.vertices[:, 0].min() == pytest.approx(grid.places[0][0, 20])

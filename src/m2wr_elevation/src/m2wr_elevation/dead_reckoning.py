@@ -62,6 +62,11 @@ class DeadReckoning:
         """Place (3,) of the robot's frame in that in which it began [m]."""
         return self._at_axle - self._axle * self.rotation[:, 0]
 
+    @property
+    def axle(self) -> Values:
+        """Place (3,) of the driven axle [m]."""
+        return self._at_axle
+
     def shift(self, offset: Values) -> None:
         """Correct the position by (3,) what a map says [m]."""
         self._at_axle = self._at_axle + offset

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Dict, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Dict, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_campaign.terrain.measures import measures_of
-from m2wr_campaign.terrain.relief import Grid, heights_of
+from m2wr_campaign.terrain.relief import PATCHES, Grid, heights_of
 from m2wr_sim.api import Sim
 from m2wr_sim.geometry import matrix_from_quaternion
-from m2wr_sim.model.types import Collision, Heightmap, Link, Model, Surface, World
+from m2wr_sim.model.types import Collision, Heightmap, Link, Mesh, Model, Surface, World
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,6 +55,39 @@ def world_of(grid: Grid, heights: NDArray[np.float64], friction: float = 1.0) ->
     field = Heightmap(np.ascontiguousarray(heights), (grid.size, grid.size))
     ground = Collision("ground", field, surface=Surface(mu=friction, mu2=friction))
     return World("rough", (Model("ground", (Link("link", collisions=(ground,)),), static=True),))
+
+
+def patched_world(grid: Grid, heights: NDArray[np.float64], which: NDArray[np.int64], names: Sequence[str]) -> World:
+    """Return a world with ground alone: a heightmap, or where there are patches a mesh for each friction.
+
+    Parameters
+    ----------
+    grid : Grid
+    heights : (samples, samples) float64
+        [m]
+    which : (samples - 1, samples - 1) int64
+        See :func:`m2wr_campaign.terrain.relief.patches_of`.
+    names : sequence of str
+        Of the patches from 1 on.
+    """
+    if not which.any():
+        return world_of(grid, heights)
+    x, y = grid.places
+    points = np.stack((x, y, heights), -1).reshape(-1, 3)
+    corner = np.arange(len(points)).reshape(heights.shape)
+    parts = []
+    for number, name in enumerate(["ground", *names]):
+        chosen = which == number
+        if not chosen.any():
+            continue
+        top_left, top_right, low_left, low_right = (part[chosen] for part in (
+            corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+        triangles = np.concatenate((np.stack((low_left, low_right, top_right), 1),     # the diagonal of a heightmap
+                                    np.stack((low_left, top_right, top_left), 1)))
+        used, numbers = np.unique(triangles, return_inverse=True)
+        mesh = Mesh(points[used], numbers.reshape(-1, 3).astype(np.int32), name)
+        parts.append(Collision(name, mesh, surface=Surface(mu=PATCHES[name], mu2=PATCHES[name])))
+    return World("rough", (Model("ground", (Link("link", collisions=tuple(parts)),), static=True),))
 
 
 def tilt_of(pose: Pose) -> float:

@@ -19,6 +19,7 @@ from visualization_msgs.msg import Marker
 from m2wr_elevation.dead_reckoning import DeadReckoning, heading, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
 from m2wr_elevation.message_arrays import layer_data, occupancy, points_of, surface, without
+from m2wr_elevation.slip import SlipMap
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer, frame
 
@@ -68,6 +69,7 @@ class ElevationNode:
     ----------
     map : ElevationMap
     reckoning : DeadReckoning
+    slip : SlipMap
     """
 
     def __init__(self, settings: Optional[MapSettings] = None, follow: bool = True,
@@ -101,6 +103,7 @@ class ElevationNode:
     def _begin(self) -> None:
         """Begin with an empty map where the robot is."""
         self.map, self.reckoning = ElevationMap(self._settings, self._follow), DeadReckoning(self._axle)
+        self.slip = SlipMap()
         self._restarted, self._begun = False, False
 
     def wanted(self) -> bool:
@@ -190,10 +193,10 @@ class ElevationNode:
         if not self._begun:
             self._begun = True
             self.reckoning.shift(np.array((*self._start, 0.0)) - self.reckoning.position)
-        newest = odometry[-1] if odometry else None
+        newest, wheels = odometry[-1] if odometry else None, 0.0
         if newest is not None:
             pose, turned_by = newest.pose.pose.position, rotation_of(_values(newest.pose.pose.orientation))
-            self.reckoning.travel(pose.x, pose.y, heading(turned_by))
+            wheels = self.reckoning.travel(pose.x, pose.y, heading(turned_by))
         rotation = self.reckoning.rotation
         others = self.others(cloud.header.stamp)
         if others:
@@ -201,6 +204,7 @@ class ElevationNode:
         self.map.move(*self.reckoning.position[:2].tolist())
         self.reckoning.shift(self.map.offset(points, rotation @ turned, self.reckoning.position + rotation @ place))
         position = self.reckoning.position
+        self.slip.travel(wheels, self.reckoning.axle, rotation[:, 0])
         self.map.add(points, rotation @ turned, position + rotation @ place, position)
         if newest is not None:
             self._tell_frame(newest)
@@ -229,10 +233,11 @@ class ElevationNode:
         if not any(wanted):
             return
         layers = self.map.layers()
+        layers["slip"] = self.slip.layer(self.map, layers["slope"])
         if wanted[0]:
             self._grid.publish(self._grid_message(layers, stamp))
         if wanted[1]:
-            self._costs.publish(self._cost_message(layers["traversability"], stamp))
+            self._costs.publish(self._cost_message(np.minimum(layers["traversability"], 1.0 - layers["slip"]), stamp))
         if wanted[2]:
             self._surface.publish(self._surface_message(layers, stamp))
 

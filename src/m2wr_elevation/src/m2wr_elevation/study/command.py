@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``rosrun m2wr_elevation compare``: planning over the elevation map against planning as if ground were flat."""
+"""``rosrun m2wr_elevation compare``: planning over the elevation map against planning as if ground were flat.
+
+A third planner also learns where it slips.
+"""
 from __future__ import annotations
 
 import argparse
@@ -11,7 +14,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_campaign.terrain.relief import RELIEFS
+from m2wr_campaign.terrain.relief import PATCHES, RELIEFS
 from m2wr_elevation.study.drive import PLANNERS, to_goal
 from m2wr_navigation.compare.statistics import wilson
 from m2wr_sim.errors import SimError
@@ -28,14 +31,20 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=EXAM, help="of the first ground (default: {})".format(EXAM))
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="default: one for each core")
     parser.add_argument("--output", default="planning.csv", help="table of all drives (default: planning.csv)")
+    parser.add_argument("--planners", default="flat,elevation",
+                        help="with commas, of {} (default: %(default)s)".format(", ".join(PLANNERS)))
+    parser.add_argument("--patches", nargs="*", default=[], choices=sorted(set(PATCHES) - {"ground"}),
+                        help="slippery kinds of ground, of which the robot is not told (default: none)")
+    parser.add_argument("--share", type=float, default=0.3, help="of the area that patches cover (default: 0.3)")
     for name in sorted(RELIEFS):
         parser.add_argument("--" + name, type=float, default=HARD.get(name, 0.0), metavar="HEIGHT",
                             help="height of this relief, in metres (default: {:g})".format(HARD.get(name, 0.0)))
     return parser
 
 
-def _one(task: Tuple[str, Dict[str, float], int]) -> Dict[str, Any]:
-    return to_goal(*task)
+def _one(task: Tuple[str, Dict[str, float], int, Tuple[str, ...], float]) -> Dict[str, Any]:
+    planner, reliefs, seed, patches, share = task
+    return to_goal(planner, reliefs, seed, patches=patches, share=share)
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -57,7 +66,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
             raise ValueError("--grounds {}, --seed {}, --processes {}; expected at least 1, 0 and 1".format(
                 given.grounds, given.seed, given.processes))
         reliefs = {name: getattr(given, name) for name in RELIEFS}
-        tasks = [(planner, reliefs, given.seed + number) for number in range(given.grounds) for planner in PLANNERS]
+        planners = given.planners.split(",")
+        tasks = [(planner, reliefs, given.seed + number, tuple(given.patches), given.share)
+                 for number in range(given.grounds) for planner in planners]
         rows: List[Dict[str, Any]] = []
         with multiprocessing.get_context("spawn").Pool(given.processes) as pool, \
                 open(given.output, "w", encoding="utf-8", newline="") as file:
@@ -71,7 +82,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         print("compare: {}".format(error), file=sys.stderr)
         return 2
     print("planner     reached  95 %         tipped slipped stuck  time [s]  length [m]  RMS of the map [cm]")
-    for planner in PLANNERS:
+    for planner in planners:
         own = [row for row in rows if row["planner"] == planner]
         count = {name: sum(row["outcome"] == name for row in own) for name in ("reached", "tipped", "slipped", "stuck")}
         low, high = wilson(count["reached"], len(own))

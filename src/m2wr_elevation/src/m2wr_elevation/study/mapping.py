@@ -10,6 +10,7 @@ import numpy as np
 from m2wr_elevation.dead_reckoning import DeadReckoning, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
 from m2wr_elevation.message_arrays import without
+from m2wr_elevation.slip import SlipMap
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import Noise, RayScan
 from m2wr_sim.sensors.laser import LaserSensor
@@ -58,7 +59,7 @@ class MappingRobot:
                  follow: bool = True) -> None:
         self.map = ElevationMap(settings or MapSettings(), follow)
         self._name = name or sim.robots[0]
-        self.reckoning = DeadReckoning(AXLE)
+        self.reckoning, self.slip = DeadReckoning(AXLE), SlipMap()
         self._sim, self._laser = sim, LaserSensor(_SCAN, np.random.default_rng(seed))
         heights = np.linspace(_SCAN.vertical_min_angle, _SCAN.vertical_max_angle, _SCAN.vertical_samples)
         flat, angles = np.cos(heights)[:, None], self._laser.angles
@@ -80,8 +81,7 @@ class MappingRobot:
         pose = self._sim.pose(self._name)
         odometry = self._sim.drive(self._name).odometry
         self.reckoning.orient(pose[1])
-        if odometry is not None:
-            self.reckoning.travel(*odometry.pose)
+        wheels = self.reckoning.travel(*odometry.pose) if odometry is not None else 0.0
         self._sim.simulator.refresh_scene()
         ranges, _ = self._laser.cast(self._sim.simulator.scene, compose(pose, MOUNT), self._name)
         ranges = np.asarray(ranges, float).ravel()
@@ -92,6 +92,7 @@ class MappingRobot:
         self.map.move(*self.reckoning.position[:2])
         ahead = self.reckoning.rotation @ np.asarray(MOUNT[0])
         self.reckoning.shift(self.map.offset(points, rotation, self.reckoning.position + ahead))
+        self.slip.travel(wheels, self.reckoning.axle, self.reckoning.rotation[:, 0])
         self.map.add(points, rotation, self.reckoning.position + ahead, self.reckoning.position)
 
     def errors(self, grid: Grid, heights: Values) -> Errors:
