@@ -25,7 +25,11 @@ EXERCISES = {
 }
 
 
-def check_of(number: int) -> Callable[[str], Iterable[Finding]]:
+#: Exercises whose check takes a seed of the noise.
+SEEDED = (9,)
+
+
+def check_of(number: int) -> Callable[..., Iterable[Finding]]:
     """Return the function that checks the file of an exercise and yields its findings."""
     _, module, name = EXERCISES[number]
     return getattr(importlib.import_module("m2wr_course." + module), name)
@@ -39,7 +43,13 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("number", type=int, choices=sorted(EXERCISES), help="which exercise")
     parser.add_argument("file", help="what you have made")
+    parser.add_argument("--seed", type=int, help="of the noise of the laser, for exercise {}: is it done by "
+                        "luck?".format(", ".join(map(str, SEEDED))))
     options = parser.parse_args(arguments)
+    if options.seed is not None and (options.seed < 0 or options.number not in SEEDED):
+        parser.error("--seed {}; expected 0 or more, and exercise {}".format(
+            options.seed, " or ".join(map(str, SEEDED))))
+    seed = {} if options.seed is None else {"seed": options.seed}
     if not os.path.isfile(options.file):
         print("exercise %d: there is no file %s; expected a %s" % (options.number, options.file,
                                                                    EXERCISES[options.number][0]), file=sys.stderr)
@@ -47,7 +57,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     print("exercise %d: checking %s ..." % (options.number, options.file), flush=True)      # some take their time
     wrong = looked = 0
     try:
-        for finding in check_of(options.number)(os.path.abspath(options.file)):
+        for finding in check_of(options.number)(os.path.abspath(options.file), **seed):
             looked += 1
             print("%-8s %s" % ("ok" if finding.right else "not yet", finding.text))
             if not finding.right:

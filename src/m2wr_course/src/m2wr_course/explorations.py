@@ -64,13 +64,15 @@ class _Own(Strategy):
         return [frontiers[number]] + frontiers[:number] + frontiers[number + 1:]
 
 
-def short_exploration(path: str) -> Iterator[Finding]:
+def short_exploration(path: str, seed: int = SEED) -> Iterator[Finding]:
     """Exercise 9: with ``choose(paths, sizes)`` a robot sees all of a house on a short path.
 
     Parameters
     ----------
     path : str
         Python file that defines the function.  It is executed.
+    seed : int
+        Of the noise of the laser.
 
     Yields
     ------
@@ -90,13 +92,13 @@ def short_exploration(path: str) -> Iterator[Finding]:
             safe = False
             yield Finding(False, "%s: %s" % (words, error), "return the number of the frontier in the lists")
     if safe:
-        yield from _explored(rule)
+        yield from _explored(rule, seed)
 
 
-def _explored(rule: Rule) -> Iterator[Finding]:
-    place = named(WORLD, SEED)
+def _explored(rule: Rule, seed: int) -> Iterator[Finding]:
+    place = named(WORLD, seed)
     try:
-        run = explore(place, _Own(rule), read(PARAMETERS, EXPLORER, "")[0], navigation_parameters(), SEED, limit=LIMIT)
+        run = explore(place, _Own(rule), read(PARAMETERS, EXPLORER, "")[0], navigation_parameters(), seed, limit=LIMIT)
     except _AnswerError as error:
         yield Finding(False, "while it explores, %s" % error, "try it with more lists of your own")
         return

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from m2wr_course import explorations
 from m2wr_course.command import EXERCISES, main
+from m2wr_exploration.study.run import Exploration
 from m2wr_sim.api.loading import package_folder, read_world
 from m2wr_tools.map_comparison.agreement import INSIDE, LASER_HEIGHT, WALL, Truth
 
@@ -256,6 +258,26 @@ def test_the_nearest_frontier_makes_a_short_exploration(tmp_path, capsys):
     (tmp_path / "mine.py").write_text("def choose(paths, sizes):\n    return paths.index(min(paths))\n")
     code, said = check(9, tmp_path / "mine.py", capsys)
     assert code == 0 and "ok       its path is" in said.out, said.out
+
+
+def test_exercise_9_explores_with_the_noise_of_the_seed(tmp_path, capsys, monkeypatch):
+    used = []
+
+    def explore(*given, **_):
+        used.append(given[4])
+        return Exploration(1.0, 100.0, 70.0, 200.0, 0, "", 9, None, None, [], None)
+
+    monkeypatch.setattr(explorations, "explore", explore)
+    (tmp_path / "mine.py").write_text("def choose(paths, sizes):\n    return 0\n")
+    assert main(["9", str(tmp_path / "mine.py")]) == main(["9", str(tmp_path / "mine.py"), "--seed", "4"]) == 0
+    assert used == [explorations.SEED, 4] and "exercise 9: done" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["9", "x.py", "--seed", "-1"], ["4", "x.py", "--seed", "1"]])
+def test_a_seed_that_is_of_no_use_is_refused(words, capsys):
+    with pytest.raises(SystemExit):
+        main(words)
+    assert "expected 0 or more, and exercise 9" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("body, words", [
