@@ -132,6 +132,9 @@ def compose(parent_from_middle: Tuple[Sequence[float], Sequence[float]],
     pose
         ``parent_from_child``.
     """
+    if middle_from_child is IDENTITY:       # as most links and collisions of obstacles have it
+        (x, y, z), (i, j, k, w) = parent_from_middle
+        return (x, y, z), (i, j, k, w)
     (position, orientation), (offset, rotation) = parent_from_middle, middle_from_child
     moved = rotate(orientation, offset)
     return ((position[0] + moved[0], position[1] + moved[1], position[2] + moved[2]), multiply(orientation, rotation))

@@ -40,7 +40,8 @@ def check_pose(where: str, pose: Pose) -> Pose:
     ModelError
         If a coordinate is not finite or exceeds ``FARTHEST``.
     """
-    if not all(abs(value) <= FARTHEST for value in pose[0]):
+    x, y, z = pose[0]
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(z) <= FARTHEST):
         raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], where, FARTHEST))
     return pose
 

@@ -88,7 +88,9 @@ class _Contents:
             frames.add(name, model.pose, relative_to, node)
         add_frames(parent, frames)
         frames.settle()
-        return tuple(replace(model, pose=frames.resolve(name)) for name, (model, _, _) in self.models.items())
+        poses = [frames.resolve(name) for name in self.models]
+        return tuple(model if model.pose == pose else replace(model, pose=pose)
+                     for (model, _, _), pose in zip(self.models.values(), poses))
 
 
 def _world_element(root: Any, notes: Notes) -> Any:

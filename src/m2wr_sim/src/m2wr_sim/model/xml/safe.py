@@ -13,6 +13,7 @@ from typing import Any, Dict, Iterator, NoReturn, Optional, Tuple, Type, Union
 from urllib.parse import unquote
 from xml.parsers import expat
 
+import numpy as np
 from lxml import etree
 
 from m2wr_sim.errors import SimError
@@ -80,7 +81,10 @@ def _refuse_many_attributes(data: bytes, source: str, encoding: Optional[str]) -
 
     Only done if there are so many "=" between two "<".
     """
-    if not any(piece.count(b"=") > MAX_ATTRIBUTES for piece in data.split(b"<")):
+    letters = np.frombuffer(data, np.uint8)
+    equals = np.flatnonzero(letters == ord("="))
+    element = np.searchsorted(np.flatnonzero(letters == ord("<")), equals)
+    if not (element[MAX_ATTRIBUTES:] == element[:-MAX_ATTRIBUTES]).any():
         return
     parser = expat.ParserCreate(encoding)
 
@@ -166,6 +170,11 @@ def _parse(data: bytes, source: str, encoding: Optional[str]) -> Any:
 
 def _refuse_depth(root: Any, source: str) -> None:
     """Raise XmlError where elements are nested deeper than MAX_DEPTH."""
+    try:
+        if not root.xpath("boolean({})".format("/*" * (MAX_DEPTH + 1))):
+            return
+    except etree.XPathError:        # more than ten million elements are equally deep
+        log.debug("%s: its depth is found element by element", source)
     depth = 0
     for event, element in etree.iterwalk(root, events=("start", "end")):
         depth += 1 if event == "start" else -1
