@@ -122,6 +122,8 @@ class Watch:
         contacts : sequence of Contact, optional
             Of the robot, that have begun since the look before.
         """
+        if not self._movers:
+            return
         near: List[Outline] = []
         places: Dict[str, Tuple[float, float]] = {}
         for mover in self._movers:
