@@ -3,16 +3,18 @@
 import os
 import signal
 import time
+from unittest import mock
 
 import pytest
 
+from m2wr_campaign.runner import pool
 from m2wr_campaign.runner.pool import Pool
 
 LIMIT = 60.0        # s
 
 
 def lost(task, reason, log, wall):
-    return {"task": task, "status": "failed", "reason": reason, "log": log}
+    return {"task": task, "status": "failed", "reason": reason, "log": log, "wall": wall}
 
 
 def run(perform, tasks, workers=2, limit=LIMIT):
@@ -65,6 +67,32 @@ def test_a_task_that_never_ends_is_ended():
 
     rows = run(perform, [0, 1, 2], 1, 0.5)
     assert rows[1]["reason"] == "no result after 0.5 s" and {0, 1, 2} == set(rows)
+
+
+def test_waiting_for_a_processor_does_not_count(monkeypatch):
+    began = time.monotonic()
+    monkeypatch.setattr(pool, "processor_wait", lambda pid: 0.9 * (time.monotonic() - began))
+    row, = run(lambda task: time.sleep(60.0), [1], 1, 0.1).values()
+    assert row["reason"] == "no result after 0.1 s" and row["wall"] >= 1.0
+
+
+def test_a_stop_of_the_campaign_does_not_count(monkeypatch):
+    """It is stopped for hours while it waits, before the tasks have ended."""
+    later, wait = [0.0], pool.wait
+
+    def stopped_once(pipes, timeout):
+        if later[0]:
+            return wait(pipes, timeout)
+        later[0] = 10000.0
+        return []
+
+    monkeypatch.setattr(pool, "wait", stopped_once)
+    monkeypatch.setattr(pool, "time", mock.Mock(monotonic=lambda: time.monotonic() + later[0]))
+    assert run(lambda task: {"task": task}, [1, 2], 1) == {1: {"task": 1}, 2: {"task": 2}}
+
+
+def test_the_time_without_a_processor_is_read():
+    assert pool.processor_wait(os.getpid()) >= 0.0 == pool.processor_wait(2 ** 30)
 
 
 def test_an_exception_of_the_program_is_in_the_log():

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
     from typing import Deque, Generator, Iterator, Sequence, Tuple
 
+LOOK = 1.0                  # s of wall time between two looks at the tasks
 DEATHS = 2                  # of workers, after which a task is not tried again
 LOG_TAIL = 8000             # bytes
 _SET_DEATH_SIGNAL = 1       # of prctl(2)
@@ -30,6 +31,25 @@ _FORK = multiprocessing.get_context("fork")
 Task = TypeVar("Task")
 #: From a task, why its worker could not end it, what the worker wrote, and the wall time [s].
 Lost = Callable[[Any, str, str, float], Dict[str, Any]]
+
+
+def processor_wait(pid: int) -> float:
+    """Return how long the main thread of a process has been ready to run without a processor [s].
+
+    Parameters
+    ----------
+    pid : int
+
+    Returns
+    -------
+    float
+        0 where the kernel does not tell.
+    """
+    try:
+        with open("/proc/{}/schedstat".format(pid), encoding="ascii") as file:
+            return 1e-9 * int(file.read().split()[1])       # time on a run queue [ns], see proc(5)
+    except (OSError, ValueError, IndexError):
+        return 0.0
 
 
 class _Worker(Generic[Task]):
@@ -43,7 +63,7 @@ class _Worker(Generic[Task]):
         self.process.start()
         far.close()
         self.task: List[Task] = []          # none or one
-        self.since = 0.0
+        self.since = self._stopped = self._waited = 0.0
         self.deaths = 0
 
     def give(self, task: Task, deaths: int) -> None:
@@ -51,10 +71,20 @@ class _Worker(Generic[Task]):
         self.log.seek(0)
         self.log.truncate(0)
         self.task, self.since, self.deaths = [task], time.monotonic(), deaths
+        self._stopped, self._waited = 0.0, processor_wait(self.process.pid or 0)
         try:
             self.pipe.send(task)
         except OSError:
             pass            # it has died; its end is noticed as the end of its pipe
+
+    def forgive(self, seconds: float) -> None:
+        """Do not count a time in which the whole campaign was stopped [s]."""
+        self._stopped += seconds
+
+    def spent(self) -> float:
+        """Return for how long the task could run [s]: without stops, and without waiting for a processor."""
+        waited = processor_wait(self.process.pid or 0) - self._waited
+        return time.monotonic() - self.since - self._stopped - max(waited, 0.0)
 
     def tail(self) -> str:
         """Return the end of what it wrote in this task."""
@@ -137,7 +167,8 @@ class Pool(Generic[Task]):
         ----------
         tasks : sequence
         time_limit : float
-            Greatest wall time of a task [s].
+            Greatest wall time of a task [s].  Time in which the campaign is stopped (SIGSTOP, a machine that sleeps)
+            or the task waits for a processor does not count.
         keep : bool, optional
             Whether the workers stay for the next call, with the worlds that they have loaded.
         """
@@ -166,9 +197,14 @@ class Pool(Generic[Task]):
     def _ended(self, waiting: Deque[Tuple[Task, int]], time_limit: float) -> Iterator[Dict[str, Any]]:
         """Yield rows of tasks that have ended; wait for the first."""
         busy = {worker.pipe: worker for worker in self._workers if worker.task}
-        now = time.monotonic()
-        left = min(worker.since + time_limit - now for worker in busy.values())
-        for pipe in wait(list(busy), max(left, 0.0)):
+        began = time.monotonic()
+        left = min(time_limit - worker.spent() for worker in busy.values())
+        ended = wait(list(busy), min(max(left, 0.0), LOOK))
+        passed = time.monotonic() - began
+        if passed > 2.0 * LOOK:
+            for worker in busy.values():
+                worker.forgive(passed - LOOK)
+        for pipe in ended:
             worker = busy.pop(pipe)                                 # type: ignore[arg-type]
             try:
                 row = worker.pipe.recv()
@@ -179,11 +215,11 @@ class Pool(Generic[Task]):
                 row["log"] = worker.tail()
             worker.task = []
             yield row
-        now = time.monotonic()
         for worker in busy.values():
-            if now - worker.since >= time_limit:
+            if worker.spent() >= time_limit:
                 text = worker.tail()
-                yield self._lost(worker.task[0], "no result after {:g} s".format(time_limit), text, now - worker.since)
+                yield self._lost(worker.task[0], "no result after {:g} s".format(time_limit), text,
+                                 time.monotonic() - worker.since)
                 worker.end()
                 self._workers.remove(worker)
 
