@@ -2,8 +2,8 @@
 """The ODE world of an engine: builds models in it, and reads and changes the state of links and joints.
 
 The classes derived from it make the steps.  Two rules are necessary.  Python frees an object of the binding with its
-last reference, so lists hold every geom and joint.  No object of the binding refers to the engine, because the cycle
-collector would free the world before its bodies and crash the interpreter.
+last reference, so lists hold every geom and joint.  A world must be freed after its bodies and joints, otherwise libode
+crashes; see :mod:`m2wr_sim.physics.world_order`.
 """
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts, Shape
 from m2wr_sim.physics.rows import Row
 from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
 from m2wr_sim.physics.wheels import initial_link_pose, skids, wheel_poses
+from m2wr_sim.physics.world_order import keep_until_collected
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
@@ -56,6 +57,7 @@ class OdeWorld(Engine):
 
     def __init__(self, settings: EngineSettings) -> None:
         self._world = ode.World()
+        keep_until_collected(self, self._world)
         self._world.setAutoDisableFlag(False)       # see idle
         self._doublings = 0                         # of the quadtree's extent
         self._static_space = _quadtree(0)
