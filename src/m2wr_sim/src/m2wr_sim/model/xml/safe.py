@@ -13,7 +13,6 @@ from typing import Any, Dict, Iterator, NoReturn, Optional, Tuple, Type, Union
 from urllib.parse import unquote
 from xml.parsers import expat
 
-import numpy as np
 from lxml import etree
 
 from m2wr_sim.errors import SimError
@@ -26,6 +25,8 @@ MAX_BYTES = 256 * 1024 * 1024      # large enough for worlds saved with inline m
 _HUGE_BYTES = 8 * 1024 * 1024      # libxml2 needs its "huge" switch from 10 MB on; below it the depth limit stays
 MAX_DEPTH = 256                    # libxml2's own limit without that switch
 MAX_ATTRIBUTES = 1000              # of one element; libxml2 2.9 compares each with every other
+
+_NO_MARKS = bytes(set(range(256)) - set(b"<="))
 
 _TRUE, _FALSE = ("true", "1"), ("false", "0")
 
@@ -81,10 +82,7 @@ def _refuse_many_attributes(data: bytes, source: str, encoding: Optional[str]) -
 
     Only done if there are so many "=" between two "<".
     """
-    letters = np.frombuffer(data, np.uint8)
-    equals = np.flatnonzero(letters == ord("="))
-    element = np.searchsorted(np.flatnonzero(letters == ord("<")), equals)
-    if not (element[MAX_ATTRIBUTES:] == element[:-MAX_ATTRIBUTES]).any():
+    if max(map(len, data.translate(None, _NO_MARKS).split(b"<"))) <= MAX_ATTRIBUTES:
         return
     parser = expat.ParserCreate(encoding)
 
