@@ -42,7 +42,7 @@ def test_slip_is_what_the_wheels_turn_in_vain(slip, sense):
     assert found.measured[-1][0] == pytest.approx(sense * ((1.0 - slip) * 1.5 + LEAD * slip), abs=0.05)
 
 
-def test_a_robot_that_slides_downhill_faster_than_its_wheels_has_none():
+def test_a_robot_that_slides_downhill_has_no_slip():
     assert {each[2] for each in driven(-0.4).measured} == {0.0}
 
 
