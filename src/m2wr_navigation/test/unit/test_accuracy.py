@@ -115,21 +115,34 @@ def circle(pose, middle, radius, count=180):
     return np.where(found > 0.0, found, np.inf)
 
 
-def test_rounds_go_round_a_pillar_and_on_to_the_next_one():
-    pillars, away = [((1.5, 0.0), 0.3), ((1.5, 3.5), 0.3)], []
+def rounds(pillars, cycles, reach=4.0):
+    """Poses (cycles, 3) of a drive from the origin, and the distances (cycles, pillars) from the pillars."""
+    poses, away = [np.zeros(3)], []
     drive = Rounds({name: parameter.default for name, parameter in Rounds.PARAMETERS.items()},
                    RobotBody(driven(JACKAL).body.footprint, 0.0, (0.0, 0.0, 0.0)))
-    pose, velocity = np.zeros(3), (0.0, 0.0)
-    for k in range(900):
-        ranges = np.min([circle(pose, middle, radius) for middle, radius in pillars], axis=0)
-        decision = drive.step(Sensing(0.1 * k, tuple(pose), velocity, np.where(ranges < 4.0, ranges, np.inf), -np.pi,
-                                      2.0 * np.pi / 180))
+    velocity = (0.0, 0.0)
+    for k in range(cycles):
+        ranges = np.min([circle(poses[-1], middle, radius) for middle, radius in pillars], axis=0)
+        decision = drive.step(Sensing(0.1 * k, tuple(poses[-1]), velocity, np.where(ranges < reach, ranges, np.inf),
+                                      -np.pi, 2.0 * np.pi / 180))
         velocity = (decision.linear, decision.angular)
-        pose = compose(pose, np.array([0.1 * velocity[0], 0.0, 0.1 * velocity[1]]))
-        away.append([np.hypot(*(pose[:2] - middle)) - radius for middle, radius in pillars])
-    away = np.array(away)
+        poses.append(compose(poses[-1], np.array([0.1 * velocity[0], 0.0, 0.1 * velocity[1]])))
+        away.append([np.hypot(*(poses[-1][:2] - middle)) - radius for middle, radius in pillars])
+    return np.array(poses), np.array(away)
+
+
+def test_rounds_go_round_a_pillar_and_on_to_the_next_one():
+    _, away = rounds([((1.5, 0.0), 0.3), ((1.5, 3.5), 0.3)], 900)
     assert away.min() > driven(JACKAL).body.turning_radius      # no contact
     assert (away[:, 0] < 1.0).any() and (away[600:, 1] < 1.0).any()
+
+
+def test_rounds_spiral_until_something_is_in_sight():
+    for yaw in (0.0, 2.0, 4.0):
+        middle = 5.0 * np.array([np.cos(yaw), np.sin(yaw)])
+        poses, away = rounds([(middle, 0.3)], 900, reach=2.5)
+        assert driven(JACKAL).body.turning_radius < away.min() < 1.0
+        assert np.hypot(*poses[:, :2].T).max() < 15.0
 
 
 def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A drive without a map that sees much and stays near obstacles: along each boundary, then on to the next one."""
+"""A drive without a map that sees much and stays near obstacles: along each boundary, then on to the next one.
+
+Where nothing is seen, it drives along a spiral: the rings are as far apart as two ranges of the laser, so that between
+them nothing is missed, and no place is visited twice. (A straight line away from the last wall never sees one again.)
+"""
 from __future__ import annotations
 
 import math
@@ -23,7 +27,10 @@ TURN = 0.5                  # rad/s, where no direction is free
 
 
 class Rounds(BoundaryMethod):
-    """Drives to the nearest obstacle, round it with the obstacle on the right, and then to one that is new."""
+    """Drives to the nearest obstacle, round it with the obstacle on the right, and then to one that is new.
+
+    Without anything in sight it drives along a spiral until there is something.
+    """
 
     PARAMETERS = dict(COMMON, patience=Parameter(1e6, "s", 1.0, 1e6, "it never gives up"))
 
@@ -32,14 +39,22 @@ class Rounds(BoundaryMethod):
         self._trail: List[Tuple[float, float]] = []
         self._turned, self._yaw = 0.0, math.nan
         self._direction = math.nan
+        self._centre: Optional[Tuple[float, float]] = None      # of the spiral
+        self._reach = 0.0                                       # greatest reading so far [m]
         self.goal = np.array([FAR, 0.0])        # there is none; the origin would be reached at once
 
     def decide(self, view: View) -> Decision:
         if not self._trail or math.hypot(view.x - self._trail[-1][0], view.y - self._trail[-1][1]) > TRAIL_STEP:
             self._trail.append((view.x, view.y))
-        if math.isnan(self._direction):
-            nearest = view.surroundings.nearest(view.x, view.y)[1]
-            self._head_for(view, view.yaw if nearest is None else math.atan2(nearest[1] - view.y, nearest[0] - view.x))
+        points = seen_points(view)
+        away = np.hypot(points[:, 0] - view.x, points[:, 1] - view.y)
+        self._reach = max(self._reach, float(away.max(initial=0.0)))
+        if self.circuit is None and not len(points):
+            return self._spiral(view)
+        if math.isnan(self._direction) or self._centre is not None:
+            self._centre = None
+            x, y = points[np.argmin(away)]
+            self._head_for(view, math.atan2(y - view.y, x - view.x))
         decision = super().decide(view)
         return decision if decision.outcome == RUNNING else Decision(0.0, TURN, RUNNING, decision.reason)
 
@@ -47,6 +62,16 @@ class Rounds(BoundaryMethod):
         self._direction = direction
         self.goal = np.array([view.x + FAR * math.cos(direction), view.y + FAR * math.sin(direction)])
         view.goal_distance, view.goal_direction = FAR, direction
+
+    def _spiral(self, view: View) -> Decision:
+        """Return the command along an Archimedean spiral, dr / dphi = pitch / (2 pi), about where sight was lost."""
+        if self._centre is None:
+            self._centre = view.x, view.y
+        x, y = view.x - self._centre[0], view.y - self._centre[1]
+        radius = math.hypot(x, y)
+        outwards = math.atan2(y, x) if radius > TRAIL_STEP else view.yaw
+        pitch = 2.0 * (self._reach or self.values["sight"])
+        return self.steer(view, outwards + math.atan2(ROUND * radius, pitch), "nothing is in sight")
 
     def hit(self, view: View) -> None:
         self._turned, self._yaw = 0.0, view.yaw
