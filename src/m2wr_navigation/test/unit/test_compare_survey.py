@@ -89,6 +89,8 @@ def test_known_drives_need_no_process(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("given, code, reason", [(["--worlds", "0"], 1, "from 1 to 1000"),
                                                  (["--worlds", "1", "--workers", "0"], 2, "--workers 0"),
+                                                 (["--start", "0,8"], 2, "'0,8'; expected a finite number"),
+                                                 (["--limit", "nan"], 2, "'nan'; expected a finite number"),
                                                  (["--worlds", "no_such"], 1, "no_such")])
 def test_a_survey_that_cannot_be_made_is_told(tmp_path, capsys, given, code, reason):
     try:

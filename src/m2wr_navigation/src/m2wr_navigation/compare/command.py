@@ -42,9 +42,12 @@ def _names(text: str) -> List[str]:
 
 
 def _finite(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value):
-        raise ValueError
+        raise argparse.ArgumentTypeError("{!r}; expected a finite number".format(text))
     return value
 
 
