@@ -44,7 +44,7 @@ def until_shutdown() -> Iterator[None]:
     try:
         yield
     except rospy.ROSException:
-        if not rospy.is_shutdown():
+        if not rospy.core.is_shutdown_requested():          # true before topics are closed
             raise
 
 
