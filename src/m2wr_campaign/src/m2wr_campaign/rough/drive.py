@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Dict, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_campaign.terrain.measures import measures_of
-from m2wr_campaign.terrain.relief import PATCHES, Grid, heights_of
+from m2wr_campaign.terrain.relief import PATCHES, Grid, heights_of, patch_cells, triangles_of
 from m2wr_sim.api import Sim
 from m2wr_sim.geometry import matrix_from_quaternion
 from m2wr_sim.model.types import Collision, Heightmap, Link, Mesh, Model, Surface, World
@@ -76,14 +76,8 @@ def patched_world(grid: Grid, heights: NDArray[np.float64], which: NDArray[np.in
     points = np.stack((x, y, heights), -1).reshape(-1, 3)
     corner = np.arange(len(points)).reshape(heights.shape)
     parts = []
-    for number, name in enumerate(["ground", *names]):
-        chosen = which == number
-        if not chosen.any():
-            continue
-        top_left, top_right, low_left, low_right = (part[chosen] for part in (
-            corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
-        triangles = np.concatenate((np.stack((low_left, low_right, top_right), 1),     # the diagonal of a heightmap
-                                    np.stack((low_left, top_right, top_left), 1)))
+    for name, chosen in patch_cells(which, names):
+        triangles = triangles_of(corner, chosen)
         used, numbers = np.unique(triangles, return_inverse=True)
         mesh = Mesh(points[used], numbers.reshape(-1, 3).astype(np.int32), name)
         parts.append(Collision(name, mesh, surface=Surface(mu=PATCHES[name], mu2=PATCHES[name])))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, List, Sequence
 import numpy as np
 from PIL import Image
 
-from m2wr_campaign.terrain.relief import PATCHES
+from m2wr_campaign.terrain.relief import PATCHES, patch_cells, triangles_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,10 +97,7 @@ def write_meshes(folder: str, grid: Grid, heights: Array, which: NDArray[np.int6
     x, y = grid.places
     points = np.stack((x, y, heights), -1)
     parts, paths = [], []
-    for number, name in enumerate(["ground", *names]):
-        chosen = which == number
-        if not chosen.any():
-            continue
+    for name, chosen in patch_cells(which, names):
         path = os.path.abspath(os.path.join(folder, name + ".stl"))
         _write_stl(path, points, chosen)
         paths.append(path)
@@ -111,10 +108,7 @@ def write_meshes(folder: str, grid: Grid, heights: Array, which: NDArray[np.int6
 
 def _write_stl(path: str, points: Array, chosen: NDArray[np.bool_]) -> None:
     """Write the two triangles of each chosen cell, split along the same diagonal as a heightmap."""
-    top_left, top_right, low_left, low_right = (points[:-1, :-1][chosen], points[:-1, 1:][chosen],
-                                                points[1:, :-1][chosen], points[1:, 1:][chosen])
-    corners = np.concatenate((np.stack((low_left, low_right, top_right), 1),
-                              np.stack((low_left, top_right, top_left), 1)))
+    corners = triangles_of(points, chosen)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     rows = np.zeros(len(corners), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")]))
     rows["normal"] = normals / np.linalg.norm(normals, axis=1)[:, None]

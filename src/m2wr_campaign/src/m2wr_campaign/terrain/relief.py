@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Callable, Dict, Mapping, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -224,3 +224,33 @@ def patches_of(grid: Grid, names: Tuple[str, ...], share: float, seed: int) -> N
     limits = np.quantile(kind[covered], np.arange(1, len(names)) / len(names))
     which[covered] = 1 + np.searchsorted(limits, kind[covered])
     return which
+
+
+def patch_cells(which: NDArray[np.int64], names: Sequence[str]) -> Iterator[Tuple[str, NDArray[np.bool_]]]:
+    """Yield the kind of ground of each patch that is there, and its cells; the first kind is ``ground``.
+
+    Parameters
+    ----------
+    which : (samples - 1, samples - 1) int64
+        See :func:`patches_of`.
+    names : sequence of str
+        Of the patches from 1 on.
+    """
+    for number, name in enumerate(["ground", *names]):
+        chosen = which == number
+        if chosen.any():
+            yield name, chosen
+
+
+def triangles_of(samples: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
+    """Return the corners (n, 3, ...) of the two triangles of each chosen cell, split as those of a heightmap.
+
+    Parameters
+    ----------
+    samples : (samples, samples, ...) array
+        What a corner is: a point, or a number.
+    chosen : (samples - 1, samples - 1) bool
+    """
+    top_left, top_right, low_left, low_right = (part[chosen] for part in (
+        samples[:-1, :-1], samples[:-1, 1:], samples[1:, :-1], samples[1:, 1:]))
+    return np.concatenate((np.stack((low_left, low_right, top_right), 1), np.stack((low_left, top_right, top_left), 1)))
