@@ -72,6 +72,8 @@ class Terminal:
             self.text += line.decode(errors="replace")
 
     def _fail(self, problem):
+        if self.process.poll() is None:
+            problem = "%s%s" % (problem, stacks(self._mark))
         raise AssertionError("%s: %s\n%s\noutput:\n%s" % (self.block.place, problem, self.block.text, self.text))
 
     def wait_for(self, what):
@@ -153,7 +155,7 @@ class Terminal:
         try:
             self.process.wait(limit)
         except subprocess.TimeoutExpired:
-            self._fail("did not end within %g s%s" % (limit, stacks(self._mark)))
+            self._fail("did not end within %g s" % limit)
         self._reader.join(ENDING)
         if self.process.returncode != code:
             self._fail("ended with code %d, expected %d" % (self.process.returncode, code))
