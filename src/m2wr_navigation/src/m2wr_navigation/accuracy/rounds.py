@@ -47,14 +47,12 @@ class Rounds(BoundaryMethod):
         if not self._trail or math.hypot(view.x - self._trail[-1][0], view.y - self._trail[-1][1]) > TRAIL_STEP:
             self._trail.append((view.x, view.y))
         points = seen_points(view)
-        away = np.hypot(points[:, 0] - view.x, points[:, 1] - view.y)
-        self._reach = max(self._reach, float(away.max(initial=0.0)))
+        self._reach = float(np.hypot(points[:, 0] - view.x, points[:, 1] - view.y).max(initial=self._reach))
         if self.circuit is None and not len(points):
             return self._spiral(view)
         if math.isnan(self._direction) or self._centre is not None:
             self._centre = None
-            x, y = points[np.argmin(away)]
-            self._head_for(view, math.atan2(y - view.y, x - view.x))
+            self._head_for(view, direction_to_nearest(view, points))
         decision = super().decide(view)
         return decision if decision.outcome == RUNNING else Decision(0.0, TURN, RUNNING, decision.reason)
 
@@ -97,8 +95,20 @@ class Rounds(BoundaryMethod):
         points = points[away > NEW]
         if not len(points):
             return None
-        x, y = points[np.argmin(np.hypot(points[:, 0] - view.x, points[:, 1] - view.y))]
-        return math.atan2(y - view.y, x - view.x)
+        return direction_to_nearest(view, points)
+
+
+def direction_to_nearest(view: View, points: FloatArray) -> float:
+    """Return the direction from the robot to the nearest of points (N, 2) [rad], in the odometry frame; N > 0.
+
+    Parameters
+    ----------
+    view : View
+    points : (N, 2) float64
+        [m]
+    """
+    x, y = points[np.argmin(np.hypot(points[:, 0] - view.x, points[:, 1] - view.y))]
+    return math.atan2(y - view.y, x - view.x)
 
 
 def seen_points(view: View) -> FloatArray:
