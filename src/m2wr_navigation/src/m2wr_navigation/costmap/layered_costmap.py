@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Dict, List, Optional, Tuple
 
 import numpy as np
@@ -186,8 +187,7 @@ class LayeredCostmap:
         """Return the costmap after the last whole update; it never changes afterwards and must not be written to."""
         with self._shown_lock:
             self._handed_out = True
-            self._shown.beside = self._beside()
-            return self._shown
+            return replace(self._shown, beside=self._beside())
 
     def _beside(self) -> float:
         """Return half the robot's width where plans have to keep it free [m]; less than half a cell does not count."""
