@@ -21,7 +21,9 @@ from m2wr_sim.model.types import (
     Surface,
 )
 from m2wr_sim.physics import height_kernels as kernels
-from m2wr_sim.physics.height_field_kernels import FEW_CELLS, greatest_in, tops_of
+from m2wr_sim.physics import height_round_kernels as rounds
+from m2wr_sim.physics import height_window_kernels as windows
+from m2wr_sim.physics.height_field_kernels import FEW_CELLS, cells_below, greatest_in, ground_below, tops_of
 
 RADIUS, WIDTH, STEP_HEIGHT, GRAVITY = 0.1, 0.04, 0.02, 9.8
 MASS, SPIN = 5.4, 0.002         # of an axle with two wheels [kg], and about its axis of the wheels [kg m^2]
@@ -171,7 +173,7 @@ def contacts(heights, cell, kind, size, position, rpy):
     out = np.empty((kernels.MOST, kernels.CONTACT))
     pose = np.array(tuple(position) + tuple(quaternion_from_rpy(*rpy)))
     count = kernels.height_contacts(heights, tops_of(heights), np.array(cell), FIELD, kind, np.array(size),
-                                    pose, out, np.empty(kernels.WORK), np.empty(4, np.int64))
+                                    pose, out, np.empty(kernels.WORK), np.empty(windows.WINDOW, np.int64))
     return out[:count]
 
 
@@ -218,6 +220,38 @@ def test_the_deepest_contact_is_that_of_sampled_ground(kind, cell):
         elif nearest > RADIUS + 0.001:
             assert len(found) == 0
     assert compared > 15
+
+
+@pytest.mark.parametrize("half, radius", [(0.0, 0.05), (0.02, 0.1), (0.04, 0.3)])
+@pytest.mark.parametrize("cell", [0.005, 0.02, 0.07])
+def test_narrowing_loses_no_triangle_in_contact(half, radius, cell):
+    """The triangles in contact among the cells that are listed are those among all cells below the shape."""
+    random, sizes, found_any = np.random.RandomState(7), np.array([cell, 1.3 * cell]), 0
+    near, work = np.zeros((513, 11)), np.zeros(rounds.ROUND_WORK)
+    window, everything = np.zeros(windows.WINDOW, np.int64), np.zeros(windows.WINDOW, np.int64)
+    for _ in range(150):
+        heights = random.normal(0.0, random.choice((0.0, 0.002, 0.01)), (120, 90)) + random.choice(
+            (0.0, 0.3)) * cell * np.arange(90)
+        tops, centre = tops_of(heights), np.array(tuple(random.uniform(-0.2, 0.2, 2)) + (0.0,))
+        turned = quaternion_from_rpy(0.5 * math.pi + random.uniform(-0.6, 0.6), 0.0, random.uniform(-3.1, 3.1))
+        frame = np.array([rotate(turned, axis) for axis in np.eye(3).tolist()])
+        centre[2] = ground_below(heights, sizes, centre[0], centre[1])[0] + radius + random.uniform(-0.02, 0.02)
+        reach = np.array([half * abs(along) + radius * math.sqrt(max(1.0 - along * along, 0.0)) if half > 0.0
+                          else radius for along in frame[2]])
+        assert cells_below(heights, sizes, centre, reach, everything)
+        window[:4] = everything[:4]
+        everything = everything.copy()
+        across = windows.narrow(heights, tops, sizes, centre, frame, radius, half,
+                                greatest_in(heights, tops, window), reach, window)
+        listed = windows.tighten(heights, sizes, centre, frame, radius, half, across, window) if across >= 0.0 else 0
+        rows = []
+        for place, number in ((window, listed), (everything, windows.MOST_LISTED + 1)):
+            count = rounds._near_triangles(heights, sizes, centre, frame, radius, half, place, number, near, work)
+            rows.append(near[:count].copy())
+        assert len(rows[0]) == len(rows[1])
+        np.testing.assert_allclose(rows[0], rows[1], rtol=0.0, atol=1e-12)
+        found_any += len(rows[0]) > 0
+    assert found_any > 30
 
 
 def test_a_kerb_beside_a_wheel_pushes_its_side():

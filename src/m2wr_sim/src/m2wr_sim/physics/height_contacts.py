@@ -10,6 +10,7 @@ import numpy as np
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Sphere
 from m2wr_sim.physics import height_kernels as kernels
 from m2wr_sim.physics import native_ode
+from m2wr_sim.physics.height_window_kernels import WINDOW
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,6 +75,6 @@ def find(first: Geom, second: Geom, one: Shape, two: Shape) -> Optional[List[Con
     data = field.heights                # type: ignore[union-attr]
     count = kernels.height_contacts(data.heights, data.tops, data.cell, _pose(field), kind_of(shape),
                                     np.array(size_of(shape)), _pose(geom), found, np.empty(kernels.WORK),
-                                    np.empty(4, np.int64))
+                                    np.empty(WINDOW, np.int64))
     return [((x, y, z), (sign * nx, sign * ny, sign * nz), depth)
             for x, y, z, nx, ny, nz, depth in found[:count].tolist()]

@@ -171,7 +171,7 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
         Position, normal from the ground into the shape, depth of each contact, in the world.
     work : (WORK,) float64
         Working memory, so that none is allocated in a step.
-    window : (4,) int64
+    window : (WINDOW,) int64
         Working memory.
 
     Returns
@@ -200,17 +200,18 @@ def height_contacts(heights: Values, tops: Values, cell: Values, field: Values, 
     if kind == BOX:
         count = _box(heights, tops, cell, centre, axes, halves, greatest, window, out)
     elif kind == SPHERE:
-        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.0, False, reach, window, out,
+        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.0, False, greatest, reach, window, out,
                                work[_ROOM:])
     elif kind == CYLINDER and abs(axes[2, 2]) > 0.7:
         halves[2] = 0.5 * size[1]
         count = _upright(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], halves, window, out)
     else:
-        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], kind == WHEEL, reach, window,
-                               out, work[_ROOM:])
+        count = round_contacts(heights, tops, cell, centre, axes, size[0], 0.5 * size[1], kind == WHEEL, greatest,
+                               reach, window, out, work[_ROOM:])
     for index in range(count):          # back to libode's axes, then to the world
         for first in (0, 3):
             x, y, z = turn(field, out[index, first], out[index, first + 2], -out[index, first + 1], 1.0)
-            for axis in range(3):
-                out[index, first + axis] = (x, y, z)[axis] + (field[axis] if first == 0 else 0.0)
+            out[index, first], out[index, first + 1], out[index, first + 2] = x, y, z
+        for axis in range(3):
+            out[index, axis] += field[axis]
     return count

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Callable, Tuple
 import numpy as np
 
 from m2wr_sim.physics.height_field_kernels import add, corner_of, ground_below
-from m2wr_sim.physics.height_window_kernels import clears, is_plane, narrow, slants_of
+from m2wr_sim.physics.height_window_kernels import COLUMN, MOST_LISTED, is_plane, narrow, tighten
 
 try:
     from numba import njit
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Values = NDArray[np.float64]
+    Point = Tuple[float, float, float]      # u, v, s of a place
 
 _MOST_NEAR = 512            # triangles that may be in contact with a ball or wheel
 _SAME_PLANE = 0.998         # as in contacts
@@ -34,8 +35,8 @@ _SIDE = 2e-3                # m, depth from which a wheel may be in contact with
 _N_DISTANCE, _N_U, _N_V, _N_FIRST, _N_LAST, _N_FIRST_DISTANCE, _N_LAST_DISTANCE, _N_ROW, _N_COLUMN, _N_HALF, _N_OPEN = \
     range(11)
 _NEAR_WORDS = 11
-_NEAR_ROOM, _TRIANGLE_ROOM, _PLANE_ROOM = (_MOST_NEAR + 1) * _NEAR_WORDS, 60, 48
-ROUND_WORK = _NEAR_ROOM + _TRIANGLE_ROOM + _PLANE_ROOM      # numbers of working memory
+_NEAR_ROOM, _POLYGON_ROOM = (_MOST_NEAR + 1) * _NEAR_WORDS, 48
+ROUND_WORK = _NEAR_ROOM + _POLYGON_ROOM         # numbers of working memory
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -68,37 +69,70 @@ def _clip(polygon: Values, count: int, half: float, kept: Values) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _nearest_to_axis(polygon: Values, count: int, radius: float, found: Values) -> None:
-    """Write a row of near points, up to its distances, for a polygon.
+def _on_edge(one: Point, two: Point) -> Tuple[float, float, float, float]:
+    """Return the squared distance from the axis of the point of an edge nearest to it, and u, v, s of this point."""
+    du, dv = two[0] - one[0], two[1] - one[1]
+    length = du * du + dv * dv
+    share = 0.0
+    if length > 0.0:
+        share = min(max(-(one[0] * du + one[1] * dv) / length, 0.0), 1.0)
+    u, v = one[0] + share * du, one[1] + share * dv
+    return u * u + v * v, u, v, one[2] + share * (two[2] - one[2])
 
-    First and last s are those of all points nearest to the axis, of an edge each, that are in contact in about the same
-    direction: the contact of a wheel is in the middle even if it leans by less than its contact is deep.
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _begin(nearest: Tuple[float, float, float, float], found: Values) -> None:
+    """Write a row of near points, up to its distances, for the point nearest to the axis."""
+    found[_N_U], found[_N_V], found[_N_FIRST], found[_N_LAST] = nearest[1], nearest[2], nearest[3], nearest[3]
+    found[_N_DISTANCE] = found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = math.sqrt(nearest[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extend(point: Tuple[float, float, float, float], radius: float, found: Values) -> None:
+    """Extend first and last s by a point that is in contact in about the same direction as the nearest one.
+
+    So the contact of a wheel is in the middle even if it leans by less than its contact is deep.
     """
-    found[_N_DISTANCE] = math.inf
+    square, u, v, s = point
+    if square < radius * radius and (s < found[_N_FIRST] or s > found[_N_LAST]):
+        distance = math.sqrt(square)
+        if u * found[_N_U] + v * found[_N_V] > _SAME_PLANE * distance * found[_N_DISTANCE]:
+            if s < found[_N_FIRST]:
+                found[_N_FIRST], found[_N_FIRST_DISTANCE] = s, distance
+            else:
+                found[_N_LAST], found[_N_LAST_DISTANCE] = s, distance
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _triangle_to_axis(one: Point, two: Point, three: Point, radius: float, found: Values) -> None:
+    """Write a row of near points, up to its distances, for a triangle."""
+    first, second, third = _on_edge(one, two), _on_edge(two, three), _on_edge(three, one)
+    nearest = second if second[0] < first[0] else first
+    nearest = third if third[0] < nearest[0] else nearest
+    _begin(nearest, found)
+    if nearest[0] < radius * radius:
+        _extend(first, radius, found)
+        _extend(second, radius, found)
+        _extend(third, radius, found)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _polygon_to_axis(polygon: Values, count: int, radius: float, found: Values) -> None:
+    """Write a row of near points, up to its distances, for a polygon of rows u, v, s."""
+    nearest = (math.inf, 0.0, 0.0, 0.0)
     for again in range(2):
         for index in range(count):
             after = index + 1 if index + 1 < count else 0
-            du, dv = polygon[after, 0] - polygon[index, 0], polygon[after, 1] - polygon[index, 1]
-            length = du * du + dv * dv
-            share = 0.0
-            if length > 0.0:
-                share = min(max(-(polygon[index, 0] * du + polygon[index, 1] * dv) / length, 0.0), 1.0)
-            u, v = polygon[index, 0] + share * du, polygon[index, 1] + share * dv
-            s = polygon[index, 2] + share * (polygon[after, 2] - polygon[index, 2])
-            distance = math.sqrt(u * u + v * v)
-            if again == 0:
-                if distance < found[_N_DISTANCE]:
-                    found[_N_DISTANCE], found[_N_U], found[_N_V] = distance, u, v
-                    found[_N_FIRST] = found[_N_LAST] = s
-                    found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = distance
-            elif distance < radius and (u * found[_N_U] + v * found[_N_V]
-                                        > _SAME_PLANE * distance * found[_N_DISTANCE]):
-                if s < found[_N_FIRST]:
-                    found[_N_FIRST], found[_N_FIRST_DISTANCE] = s, distance
-                if s > found[_N_LAST]:
-                    found[_N_LAST], found[_N_LAST_DISTANCE] = s, distance
-        if found[_N_DISTANCE] >= radius:
-            break
+            point = _on_edge((polygon[index, 0], polygon[index, 1], polygon[index, 2]),
+                             (polygon[after, 0], polygon[after, 1], polygon[after, 2]))
+            if again == 1:
+                _extend(point, radius, found)
+            elif point[0] < nearest[0]:
+                nearest = point
+        if again == 0:
+            _begin(nearest, found)
+            if nearest[0] >= radius * radius:
+                break
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -137,62 +171,99 @@ def _nearest_to_point(polygon: Values, found: Values) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _apart(polygon: Values, radius: float, half: float) -> bool:
-    """Return whether a plane across the direction of a triangle's middle shows that it is farther than ``radius``."""
-    solid = 0.0 if half > 0.0 else 1.0
-    u, v = polygon[0, 0] + polygon[1, 0] + polygon[2, 0], polygon[0, 1] + polygon[1, 1] + polygon[2, 1]
-    s = solid * (polygon[0, 2] + polygon[1, 2] + polygon[2, 2])
-    limit = radius * math.sqrt(u * u + v * v + s * s)
-    for corner in range(3):
-        if u * polygon[corner, 0] + v * polygon[corner, 1] + s * polygon[corner, 2] <= limit:
-            return False
-    return True
+def _apart(one: Point, two: Point, three: Point, radius: float, solid: float) -> bool:
+    """Return whether a plane across the direction of a triangle's middle shows that it is farther than ``radius``.
+
+    ``solid`` is 1 for a ball, 0 for a wheel.
+    """
+    u, v = one[0] + two[0] + three[0], one[1] + two[1] + three[1]
+    s = solid * (one[2] + two[2] + three[2])
+    least = min(u * one[0] + v * one[1] + s * one[2], u * two[0] + v * two[1] + s * two[2],
+                u * three[0] + v * three[1] + s * three[2])
+    return (least > 0.0) & (least * least > radius * radius * (u * u + v * v + s * s))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _corner(frame: Values, x: float, y: float, z: float) -> Point:
+    """Return u, v, s of a place relative to the centre."""
+    return (x * frame[0, 0] + y * frame[0, 1] + z * frame[0, 2], x * frame[1, 0] + y * frame[1, 1] + z * frame[1, 2],
+            x * frame[2, 0] + y * frame[2, 1] + z * frame[2, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_triangle(one: Point, two: Point, three: Point, radius: float, half: float, polygon: Values,
+                   found: Values) -> bool:
+    """Write the nearest point of a triangle; return whether it is closer than ``radius``."""
+    first, last = min(one[2], two[2], three[2]), max(one[2], two[2], three[2])
+    if half > 0.0 and (first > half or last < -half):
+        return False
+    if _apart(one, two, three, radius, 0.0 if half > 0.0 else 1.0):
+        return False
+    if half > 0.0 and first >= -half and last <= half:
+        _triangle_to_axis(one, two, three, radius, found)
+    else:
+        for axis in range(3):
+            polygon[0, axis], polygon[1, axis], polygon[2, axis] = one[axis], two[axis], three[axis]
+        if half > 0.0:
+            _polygon_to_axis(polygon, _clip(polygon, 3, half, polygon[8:]), radius, found)
+        else:
+            _nearest_to_point(polygon, found)
+    return found[_N_DISTANCE] < radius
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_far(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float, row: int,
+            column: int) -> bool:
+    """Return whether the ball around a cell is farther than ``radius``, or beyond an end of a wheel."""
+    one, two = heights[row, column], heights[row, column + 1]
+    three, four = heights[row + 1, column], heights[row + 1, column + 1]
+    low, high = min(min(one, two), min(three, four)), max(max(one, two), max(three, four))
+    x, y, _ = corner_of(heights, cell, row, column)
+    x, y, z = x + 0.5 * cell[0] - centre[0], y - 0.5 * cell[1] - centre[1], 0.5 * (low + high) - centre[2]
+    bound = 0.5 * math.sqrt(cell[0] * cell[0] + cell[1] * cell[1] + (high - low) * (high - low))
+    s = x * frame[2, 0] + y * frame[2, 1] + z * frame[2, 2]
+    away = x * x + y * y + z * z - (s * s if half > 0.0 else 0.0)
+    return (away > (radius + bound) * (radius + bound)) | ((half > 0.0) & (abs(s) > half + bound))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_in_cell(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float, row: int,
+                  column: int, near: Values, count: int, polygon: Values) -> int:
+    """Write the triangles of a cell closer than ``radius`` after ``count`` others; return the number of all."""
+    x = cell[0] * (column - 0.5 * (heights.shape[1] - 1)) - centre[0]
+    y = cell[1] * (0.5 * (heights.shape[0] - 1) - row) - centre[1]
+    zero, one = heights[row, column] - centre[2], heights[row, column + 1] - centre[2]
+    two, three = heights[row + 1, column] - centre[2], heights[row + 1, column + 1] - centre[2]
+    right, down = _corner(frame, x + cell[0], y, one), _corner(frame, x, y - cell[1], two)
+    for part in range(2):       # the diagonal is from the corner below to the one on the right
+        third = _corner(frame, x + part * cell[0], y - part * cell[1], three if part else zero)
+        if count < _MOST_NEAR and _near_triangle(down, right, third, radius, half, polygon, near[count]):
+            near[count, _N_ROW], near[count, _N_COLUMN], near[count, _N_HALF] = row, column, part
+            near[count, _N_OPEN] = 1.0
+            count += 1
+    return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _near_triangles(heights: Values, cell: Values, centre: Values, frame: Values, radius: float, half: float,
-                    window: NDArray[np.int64], near: Values, work: Values) -> int:
+                    window: NDArray[np.int64], listed: int, near: Values, work: Values) -> int:
     """Write the triangles closer than ``radius``, with their nearest points; return their number.
 
-    ``frame`` has the directions u, v, s; s is the axis.  ``half`` is half the width, 0 for a ball.
+    ``frame`` has the directions u, v, s; s is the axis.  ``half`` is half the width, 0 for a ball.  ``listed`` cells
+    are looked at, or all of the window if these are more than its list has room for.
     """
-    room = work[_NEAR_ROOM:_NEAR_ROOM + _TRIANGLE_ROOM].reshape(20, 3)
-    corners, polygon, kept = room[:4], room[4:12], room[12:]
-    count, flat, slants = 0, cell[0] * cell[0] + cell[1] * cell[1], slants_of(cell, frame, radius, half)
+    polygon, count = work[_NEAR_ROOM:_NEAR_ROOM + _POLYGON_ROOM].reshape(16, 3), 0
+    if listed <= MOST_LISTED:
+        for index in range(listed):
+            place = window[4 + index]
+            count = _near_in_cell(heights, cell, centre, frame, radius, half, place >> 32, place & COLUMN, near, count,
+                                  polygon)
+        return count
     for row in range(window[0], window[1] + 1):
         for column in range(window[2], window[3] + 1):
-            one, two = heights[row, column], heights[row, column + 1]
-            three, four = heights[row + 1, column], heights[row + 1, column + 1]
-            low, high = min(min(one, two), min(three, four)), max(max(one, two), max(three, four))
-            x, y, _ = corner_of(heights, cell, row, column)
-            px, py = x + 0.5 * cell[0] - centre[0], y - 0.5 * cell[1] - centre[1]
-            if clears(slants, cell, frame, px, py, high - centre[2], radius, half):
+            if _is_far(heights, cell, centre, frame, radius, half, row, column):
                 continue
-            pz = 0.5 * (low + high) - centre[2]
-            bound = 0.5 * math.sqrt(flat + (high - low) * (high - low))
-            s = px * frame[2, 0] + py * frame[2, 1] + pz * frame[2, 2]
-            away = px * px + py * py + pz * pz - (s * s if half > 0.0 else 0.0)
-            if away > (radius + bound) * (radius + bound) or (half > 0.0 and abs(s) > half + bound):
-                continue
-            for number in range(4):
-                _put(heights, cell, centre, frame, row + number // 2, column + number % 2, corners, number)
-            for part in range(2):       # corners 0 1 / 2 3; the diagonal is from 2 to 1
-                for axis in range(3):
-                    polygon[0, axis], polygon[1, axis] = corners[2, axis], corners[1, axis]
-                    polygon[2, axis] = corners[3 * part, axis]
-                if _apart(polygon, radius, half):
-                    continue
-                found = near[count]
-                if half > 0.0:
-                    sides = _clip(polygon, 3, half, kept)
-                    if sides == 0:
-                        continue
-                    _nearest_to_axis(polygon, sides, radius, found)
-                else:
-                    _nearest_to_point(polygon, found)
-                if found[_N_DISTANCE] < radius and count < _MOST_NEAR:
-                    found[_N_ROW], found[_N_COLUMN], found[_N_HALF] = row, column, part
-                    count += 1
+            count = _near_in_cell(heights, cell, centre, frame, radius, half, row, column, near, count, polygon)
     return count
 
 
@@ -228,14 +299,14 @@ def _near_plane(heights: Values, cell: Values, centre: Values, frame: Values, ra
         found[_N_FIRST] = found[_N_LAST] = dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]
         found[_N_FIRST_DISTANCE] = found[_N_LAST_DISTANCE] = distance
     else:
-        polygon = work[_NEAR_ROOM + _TRIANGLE_ROOM:ROUND_WORK].reshape(16, 3)
+        polygon = work[_NEAR_ROOM:ROUND_WORK].reshape(16, 3)
         for corner in range(4):
             _put(heights, cell, centre, frame, top if corner < 2 else window[1] + 1,
                  left if corner % 3 == 0 else window[3] + 1, polygon, corner)
         sides = _clip(polygon, 4, half, polygon[8:])
         if sides == 0:
             return 0
-        _nearest_to_axis(polygon, sides, radius, found)
+        _polygon_to_axis(polygon, sides, radius, found)
         if radius - found[_N_DISTANCE] > _SIDE:
             return -1
     found[_N_OPEN] = 1.0
@@ -272,8 +343,8 @@ def _sunk(heights: Values, cell: Values, centre: Values, radius: float, out: Val
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, frame: Values, radius: float,
-                   half: float, wheel: bool, reach: Values, window: NDArray[np.int64], out: Values,
-                   work: Values) -> int:
+                   half: float, wheel: bool, greatest: float, reach: Values, window: NDArray[np.int64],
+                   out: Values, work: Values) -> int:
     """Write the contacts of a ball, or of the curved side of a cylinder; return their number.
 
     Parameters
@@ -288,10 +359,12 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
         Radius, and half the width: 0 for a ball [m].
     wheel : bool
         Whether the contacts are in the middle where the ground is level across.
+    greatest : float
+        A height that the ground below it does not exceed [m].
     reach : (3,) float64
         Half extents of the box around the shape [m]; changed.
-    window : (4,) int64
-        First and last row and column of the cells below it; changed.
+    window : (WINDOW,) int64
+        First and last row and column of the cells below it; changed, and the others written.
     out : (n, 7) float64
         Written, in the frame of the heightmap.
     work : (ROUND_WORK,) float64
@@ -303,16 +376,20 @@ def round_contacts(heights: Values, tops: Values, cell: Values, centre: Values, 
     """
     if _sunk(heights, cell, centre, radius, out):
         return 1
-    if not narrow(heights, tops, cell, centre, frame, radius, half, reach, window):
+    across = narrow(heights, tops, cell, centre, frame, radius, half, greatest, reach, window)
+    if across < 0.0:
         return 0
     near = work[:_NEAR_ROOM].reshape(_MOST_NEAR + 1, _NEAR_WORDS)
-    found = -1
-    if is_plane(heights, window):
+    found, listed, plane = -1, MOST_LISTED + 1, is_plane(heights, window)
+    if not plane:
+        listed = tighten(heights, cell, centre, frame, radius, half, across, window)
+        if listed == 0:
+            return 0
+        plane = is_plane(heights, window)
+    if plane:
         found = _near_plane(heights, cell, centre, frame, radius, half, window, near[0], work)
     if found < 0:
-        found = _near_triangles(heights, cell, centre, frame, radius, half, window, near, work)
-        for index in range(found):
-            near[index, _N_OPEN] = 1.0
+        found = _near_triangles(heights, cell, centre, frame, radius, half, window, listed, near, work)
     solid = 0.0 if half > 0.0 else 1.0
     count = 0
     while count < out.shape[0] - 1:

@@ -18,6 +18,7 @@ from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
 from m2wr_sim.physics.height_field_kernels import tops_size
 from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, WORK, height_contacts
+from m2wr_sim.physics.height_window_kernels import WINDOW
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
@@ -130,7 +131,7 @@ if TYPE_CHECKING:
 
 _STEEP, _FLAT = 0.5, 0.8            # as in contacts
 _NUMBERS = 19                       # two poses, size of a shape and of a cell
-GROUND_WORK = _NUMBERS + 4 + MOST * CONTACT + WORK      # words of H_WORK
+GROUND_WORK = _NUMBERS + WINDOW + MOST * CONTACT + WORK      # words of H_WORK
 _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 
 _handle = types.uintp
@@ -295,9 +296,9 @@ def _ground_contacts(words: Words, values: Values, one: int, two: int, geom_one:
     begin = words[H_ADDRESS] + np.uint64(8) * words[H_WORK]
     numbers = carray(_pointer(begin), (_NUMBERS,), np.float64)
     field_pose, pose, size, cell = numbers[:7], numbers[7:14], numbers[14:17], numbers[17:19]
-    window = carray(_pointer(begin + np.uint64(8 * _NUMBERS)), (4,), np.int64)
-    found = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + 4))), (MOST, CONTACT), np.float64)
-    work = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + 4 + MOST * CONTACT))), (WORK,), np.float64)
+    window = carray(_pointer(begin + np.uint64(8 * _NUMBERS)), (WINDOW,), np.int64)
+    found = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + WINDOW))), (MOST, CONTACT), np.float64)
+    work = carray(_pointer(begin + np.uint64(8 * (_NUMBERS + WINDOW + MOST * CONTACT))), (WORK,), np.float64)
     room = first + C_GEOMETRY
     _pose_of(words, values, field, room, field_pose)
     _pose_of(words, values, shape, room, pose)
