@@ -35,6 +35,20 @@ def test_kills_of_each_process_lose_no_finished_run(tmp_path):
 
 
 @pytest.mark.skipif(NO_DASK, reason="the optional Python package distributed is not installed")
+def test_the_embedded_scheduler_gives_the_rows_of_the_pool(study, tmp_path):
+    path = str(tmp_path / "local.sqlite")
+    client = cluster_kills.Part("client", ["-c", cluster_kills.CLIENT, study, "--out", path, "--scheduler", "local",
+                                           "--workers", "2"], str(tmp_path))
+    client.start()
+    try:
+        assert client.process.wait(cluster_kills.LIMIT) == 0, client.log()
+    finally:
+        client.kill()
+    assert len(cluster_kills.stored(path)) == 1 and "Traceback" not in client.log()
+    cluster_kills.assert_like_in_the_pool(study, path)
+
+
+@pytest.mark.skipif(NO_DASK, reason="the optional Python package distributed is not installed")
 def test_a_scheduler_that_does_not_answer_is_told(study):
     port = cluster_kills.free_port()
     program = cluster_kills.CLIENT.replace("LARGEST_BATCH = 4", "FIRST_PATIENCE = 1")
@@ -48,9 +62,10 @@ def test_a_scheduler_that_does_not_answer_is_told(study):
     assert "Traceback" not in client.log()
 
 
-def test_without_dask_the_message_says_what_to_install(study, monkeypatch, capsys):
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "local"])
+def test_without_dask_the_message_says_what_to_install(study, monkeypatch, capsys, address):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert command.main([study, "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    assert command.main([study, "--scheduler", address]) == 1
     error = capsys.readouterr().err
     assert "pip install distributed" in error and error.count("\n") == 1
 
@@ -59,7 +74,7 @@ def test_without_dask_the_message_says_what_to_install(study, monkeypatch, capsy
 def test_an_address_of_another_form_is_refused(study, capsys, address):
     with pytest.raises(SystemExit):
         command.main([study, "--scheduler", address])
-    assert "expected an address such as tcp://host:8786" in capsys.readouterr().err
+    assert "expected an address such as tcp://host:8786, or local" in capsys.readouterr().err
 
 
 def task(key, world="w"):

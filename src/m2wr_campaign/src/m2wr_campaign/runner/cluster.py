@@ -12,7 +12,7 @@ import queue
 import time
 from asyncio import CancelledError
 from collections import deque
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, Generator, Iterable, Iterator, List, Sequence
 
 from m2wr_campaign.runner.station import Batch, run_batch
@@ -54,6 +54,27 @@ def distributed() -> Any:
         raise ClusterError("--scheduler needs the Python package distributed, which is not installed; leave the option "
                            "out to use all cores of this machine, or install it: apt install python3-distributed, or "
                            "pip install distributed") from None
+
+
+@contextmanager
+def embedded_scheduler(workers: int) -> Iterator[str]:
+    """Start a scheduler and a worker of Dask in this process; yield the address.
+
+    The runs themselves are in processes beside the worker's threads, see :mod:`m2wr_campaign.runner.station`.
+
+    Parameters
+    ----------
+    workers : int
+        Runs at one time.
+
+    Raises
+    ------
+    ClusterError
+        If Dask is not installed.
+    """
+    with distributed().LocalCluster(n_workers=1, threads_per_worker=workers, processes=False, dashboard_address=None,
+                                    memory_limit=0, silence_logs=logging.CRITICAL) as local:
+        yield local.scheduler_address
 
 
 def batch(waiting: Deque[RunTask], size: int) -> List[RunTask]:

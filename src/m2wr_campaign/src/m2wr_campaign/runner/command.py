@@ -7,11 +7,11 @@ import os
 import re
 import sys
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, List, Optional, Tuple, Union
 
-from m2wr_campaign.runner.cluster import Cluster, ClusterError
+from m2wr_campaign.runner.cluster import Cluster, ClusterError, embedded_scheduler
 from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versions
 from m2wr_campaign.runner.pool import Pool
 from m2wr_campaign.runner.progress import CampaignProgress
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 MOST_WORKERS = 1024
 ADDRESS = r"[a-z]{2,4}://[\w.:\[\]-]+:[0-9]{1,5}"
+EMBEDDED = "local"          # in place of an address: Dask in this process
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -42,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
                         help="processes (default: the cores)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS",
-                        help="do the runs on a cluster of Dask, such as tcp://host:8786, not on this machine")
+                        help="do the runs on a cluster of Dask, such as tcp://host:8786; \"local\" is one in this process")
     parser.add_argument("--dry-run", action="store_true", help="only check the study and count its runs")
     return parser
 
@@ -53,8 +54,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     if not 1 <= options.workers <= MOST_WORKERS:
         parser.error("--workers {}; expected from 1 to {}".format(options.workers, MOST_WORKERS))
-    if options.scheduler and not re.fullmatch(ADDRESS, options.scheduler):
-        parser.error("--scheduler {}; expected an address such as tcp://host:8786".format(options.scheduler))
+    if options.scheduler not in ("", EMBEDDED) and not re.fullmatch(ADDRESS, options.scheduler):
+        parser.error("--scheduler {}; expected an address such as tcp://host:8786, or {}".format(
+            options.scheduler, EMBEDDED))
     out = options.out or os.path.splitext(os.path.basename(options.study))[0] + ".sqlite"
     try:
         study = read_study(options.study)
@@ -83,7 +85,7 @@ def run_study(study: Study, text: str, results: ResultFile, workers: int, schedu
     workers : int
         Processes of this machine.
     scheduler : str, optional
-        Address of a cluster, which is used instead.
+        Address of a cluster, which is used instead, or ``local``.
 
     Returns
     -------
@@ -113,12 +115,14 @@ def _store_all(tasks: List[RunTask], time_limit: float, results: ResultFile,
         return
     pool: Union[Pool[RunTask], Cluster]
     workers, scheduler = by
-    if scheduler:
-        pool = Cluster(scheduler, row_of_failure, lambda told: print("\nrun: " + told, file=sys.stderr))
-    else:
-        compile_kernels()               # once, before the processes are forked
-        pool = Pool(perform, row_of_failure, workers)
-    with closing(pool.rows(tasks, time_limit)) as rows:
+    with ExitStack() as stack:
+        if scheduler:
+            address = stack.enter_context(embedded_scheduler(workers)) if scheduler == EMBEDDED else scheduler
+            pool = Cluster(address, row_of_failure, lambda told: print("\nrun: " + told, file=sys.stderr))
+        else:
+            compile_kernels()           # once, before the processes are forked
+            pool = Pool(perform, row_of_failure, workers)
+        rows = stack.enter_context(closing(pool.rows(tasks, time_limit)))
         for row in rows:
             results.add(dict(row, finished=datetime.now(timezone.utc).isoformat(timespec="seconds")))
             progress.add(row["status"] == FAILED)
