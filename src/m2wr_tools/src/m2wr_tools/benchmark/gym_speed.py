@@ -2,11 +2,12 @@
 """Steps per second of the Gymnasium environments, and of other simulators that are installed.
 
 All take random actions.  A step of these environments is 0.1 s of simulated time with one scan of 720 beams.  Steps of
-others differ in length and content: f1tenth_gym's is 0.01 s with 1080 beams, ir-sim's 0.1 s, MuJoCo's Ant-v5 0.05 s
-without a laser.
+others differ in length and content: f1tenth_gym's is 0.01 s with 1080 beams, ir-sim's 0.1 s with 720 beams among eight
+boxes, MuJoCo's Ant-v5 0.05 s without a laser.
 """
 from __future__ import annotations
 
+import tempfile
 import time
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -16,6 +17,22 @@ from m2wr_sim.errors import SimError
 
 _SECONDS = 1.0                  # of processor time, of each measurement
 _REFERENCE = "m2wr/GoToGoalWorld02-v0"
+#: For ir-sim: a room with a differential drive, the beams of m2wr's laser, and eight boxes.
+_IRSIM_WORLD = """
+world: {height: 20, width: 20, step_time: 0.1, sample_time: 0.1, offset: [-10, -10], collision_mode: stop}
+robot:
+  - kinematics: {name: diff}
+    shape: {name: circle, radius: 0.25}
+    state: [0, 0, 0]
+    vel_min: [-0.6, -1.0]
+    vel_max: [0.6, 1.0]
+    sensors: [{name: lidar2d, range_min: 0.1, range_max: 10, angle_range: 3.14159, number: 720, noise: true, std: 0.01}]
+obstacle:
+  - number: 8
+    distribution: {name: manual}
+    shape: {name: rectangle, length: 3.0, width: 0.4}
+    state: [[5, 0, 0], [-5, 0, 0], [0, 5, 0], [0, -5, 0], [5, 5, 0.8], [-5, -5, 0.8], [5, -5, 2.3], [-5, 5, 2.3]]
+"""
 
 
 class Row(NamedTuple):
@@ -114,7 +131,10 @@ def _f1tenth() -> Tuple[Callable[[], int], float]:
 
 def _irsim() -> Tuple[Callable[[], int], float]:
     import irsim
-    env = irsim.make(display=False)
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+        file.write(_IRSIM_WORLD)
+        file.flush()
+        env = irsim.make(file.name, display=False)
     rng = np.random.default_rng(1)
 
     def step() -> int:
