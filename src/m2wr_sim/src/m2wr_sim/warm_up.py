@@ -24,6 +24,7 @@ def warm_up(engine_kind: str = "auto") -> None:
             handle = engine.add_model(Model(name, (link,), static=static), IDENTITY)
         engine.step(2)
         engine.pose_reader([(handle.links["link"], IDENTITY)], np.zeros((1, 7)))()
+        engine.motion_reader(handle.links["link"], IDENTITY, np.zeros(13))()
     finally:
         engine.close()
 

@@ -293,6 +293,23 @@ def test_poses_of_shapes_are_those_of_the_slow_way():
     engine.close()
 
 
+def test_motion_of_a_link_is_that_of_the_slow_way():
+    engine, robots, _ = build(native.NativeEngine)
+    link = robots[0].links["chassis"]
+    engine.set_joint_motor(robots[0].joints["left"], 3.0, 5.0)
+    results = [np.zeros(13) for _ in range(2)]
+    offset = ((0.1, -0.2, 0.3), quaternion_from_rpy(0.3, -0.2, 1.0))
+    read, slow = engine.motion_reader(link, offset, results[0]), Engine.motion_reader(engine, link, offset, results[1])
+    engine.step(300)
+    read()
+    slow()
+    np.testing.assert_allclose(*results, rtol=1e-12, atol=1e-12)
+    assert np.abs(results[0][7:]).max() > 0.1
+    with pytest.raises(ValueError, match=r"expected \(13,\)"):
+        engine.motion_reader(link, offset, np.zeros(7))
+    engine.close()
+
+
 def test_a_body_thrown_out_of_the_world_stops_it_and_is_named():
     engine, robots, _ = build(native.NativeEngine)
     engine.step(10)

@@ -45,6 +45,35 @@ class DirectDrive(DiffDrive):
         """Radius by which commands become wheel speeds [m]."""
         return self._radius
 
+    @property
+    def steady(self) -> bool:
+        """Whether its updates only set its motors, to the same as long as the command is the same."""
+        return not (self._encoder is not None or self._acceleration > 0.0 or self._command.expires or self.timely
+                    or self.callbacks)
+
+    def begin(self, linear: float, angular: float, now_ns: int) -> int:
+        """Set the velocity command [m/s, rad/s]; return the time of the update from which on it acts [ns]."""
+        self._command.set(linear, 0.0, angular)
+        self._command.look(now_ns)
+        return self._schedule.next_due(now_ns, self._ctx.step_ns)
+
+    def update(self, now_ns: int) -> None:
+        """Set the motors by the command, in a step in which it is due."""
+        elapsed_ns = self._schedule.elapsed(now_ns)
+        if self._schedule.due(now_ns):
+            self._drive(now_ns, elapsed_ns)
+
+    def skip_updates(self, end_ns: int) -> None:
+        """Leave out all updates up to a time [ns]."""
+        self._schedule.skip(end_ns)
+
+    def motion_reader(self, motion: npt.NDArray[np.float64]) -> Callable[[], None]:
+        """Return a function that writes the true pose and velocity of the robot into a (13,) array.
+
+        See :meth:`m2wr_sim.plugins.base.PluginContext.motion_reader`.
+        """
+        return self._ctx.motion_reader(motion)
+
     def measure_now(self, now_ns: int) -> Odometry:
         """Measure and return the odometry at ``now_ns`` [ns], also between two updates."""
         self.odometry = Odometry(now_ns / 1e9, *self._values())

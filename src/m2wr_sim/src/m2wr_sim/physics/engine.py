@@ -394,6 +394,30 @@ class Engine(abc.ABC):
 
         return read
 
+    def motion_reader(self, link: int, offset: Pose, motion: NDArray[np.float64]) -> Callable[[], None]:
+        """Return a function that writes the present pose of a frame that is fixed to a link, and the link's velocity.
+
+        Parameters
+        ----------
+        link : int
+        offset : pose
+            Pose of the frame in the link frame.
+        motion : (13,) float64
+            Written by the function, C-contiguous: position x y z [m], orientation x y z w; linear velocity of the
+            origin of the link [m/s] and angular velocity [rad/s], in the world.
+
+        Returns
+        -------
+        callable
+            ``read()``.  Must not be used after the link has been removed.
+        """
+        def read() -> None:
+            state = self.link_state(link)
+            motion[:3], motion[3:7] = compose((state.position, state.orientation), offset)
+            motion[7:10], motion[10:] = state.linear_velocity, state.angular_velocity
+
+        return read
+
     @abc.abstractmethod
     def drain_contact_events(self) -> List[ContactEvent]:
         """Return the list of :class:`ContactEvent` since the last call."""

@@ -281,13 +281,24 @@ class NativeEngine(OdeWorld):
         self._forget_block()
 
     def pose_reader(self, parts: Sequence[Tuple[int, Pose]], poses: NDArray[np.float64]) -> Callable[[], None]:
-        entries = [self._links[link] for link, _ in parts]
-        if not parts or any(entry.body is None for entry in entries):
+        if not parts or any(self._links[link].body is None for link, _ in parts):
             return super().pose_reader(parts, poses)
         if poses.shape != (len(parts), 7):              # compiled code would write outside of it
             raise ValueError("poses of %d shapes: an array of %s, expected (%d, 7)"
                              % (len(parts), poses.shape, len(parts)))
-        table, makeup, read_poses = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64), -1, kernels.read_poses
+        return self._reader(parts, kernels.read_poses, poses)
+
+    def motion_reader(self, link: int, offset: Pose, motion: NDArray[np.float64]) -> Callable[[], None]:
+        if self._links[link].body is None:
+            return super().motion_reader(link, offset, motion)
+        if motion.shape != (13,):                       # compiled code would write outside of it
+            raise ValueError("motion of a link: an array of %s, expected (13,)" % (motion.shape,))
+        return self._reader([(link, offset)], kernels.read_motion, motion[None, :])
+
+    def _reader(self, parts: Sequence[Tuple[int, Pose]], kernel: Callable[..., None],
+                out: NDArray[np.float64]) -> Callable[[], None]:
+        """Return a function that calls a kernel with the table of some shapes, which it keeps up to date."""
+        table, makeup = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64), -1
         shifts, offsets = np.split(table.view(np.float64)[:, layout.SHAPE_SHIFT:],
                                    [layout.SHAPE_OFFSET - layout.SHAPE_SHIFT], axis=1)      # views
         offsets[:] = [tuple(position) + tuple(orientation) for _, (position, orientation) in parts]
@@ -301,7 +312,7 @@ class NativeEngine(OdeWorld):
                 table[:, 0] = handles
                 shifts[:] = [self._links[link].com for link, _ in parts]
                 makeup = self._makeup
-            read_poses(table, poses)
+            kernel(table, out)
 
         return read
 

@@ -351,3 +351,25 @@ def read_poses(shapes: Words, poses: Values) -> None:
         poses[k, 4] = w * qy - x * qz + y * qw + z * qx
         poses[k, 5] = w * qz + x * qy - y * qx + z * qw
         poses[k, 6] = w * qw - x * qx - y * qy - z * qz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def read_motion(shapes: Words, motion: Values) -> None:
+    """Write the world pose of a shape that is fixed to a body, and the velocity of its link.
+
+    Parameters
+    ----------
+    shapes : (1, SHAPE_WORDS) uint64
+        As for :func:`read_poses`.
+    motion : (1, 13) float64
+        Written: the pose, the linear velocity of the origin of the link, the angular velocity.
+    """
+    read_poses(shapes, motion[:, :7])
+    values, body = shapes.view(np.float64), shapes[0, 0]
+    quaternion, speed = carray(_quaternion(body), (4,)), carray(_linear_velocity(body), (3,))
+    rate, shift = carray(_angular_velocity(body), (3,)), values[0, SHAPE_SHIFT:SHAPE_OFFSET]
+    cx, cy, cz = rotate(quaternion[1], quaternion[2], quaternion[3], quaternion[0], shift[0], shift[1], shift[2])
+    motion[0, 7] = speed[0] - (rate[1] * cz - rate[2] * cy)
+    motion[0, 8] = speed[1] - (rate[2] * cx - rate[0] * cz)
+    motion[0, 9] = speed[2] - (rate[0] * cy - rate[1] * cx)
+    motion[0, 10], motion[0, 11], motion[0, 12] = rate[0], rate[1], rate[2]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import logging
 
     from numpy.random import Generator
+    from numpy.typing import NDArray
 
     from m2wr_sim.model.types import ActorScript, Joint, Link
     from m2wr_sim.physics.engine import Engine, LinkState
@@ -254,6 +255,16 @@ class PluginContext(abc.ABC):
     @abc.abstractmethod
     def model_state(self) -> LinkState:
         """Return pose and velocity of the frame of the model's canonical link in the world frame."""
+
+    @abc.abstractmethod
+    def motion_reader(self, motion: NDArray[np.float64]) -> Callable[[], None]:
+        """Return a function that writes what :meth:`model_state` returns, faster.
+
+        Parameters
+        ----------
+        motion : (13,) float64
+            Written by the function: position x y z [m], orientation x y z w, linear [m/s] and angular velocity [rad/s].
+        """
 
     @abc.abstractmethod
     def pose_in_model(self, link: int) -> Pose:

@@ -48,7 +48,7 @@ class VelocityCommand:
             Rotation rate [rad/s], positive to the left.
         """
         values = forward, left, rate
-        if all(abs(value) <= FASTEST for value in values):      # false for nan too
+        if abs(forward) <= FASTEST and abs(left) <= FASTEST and abs(rate) <= FASTEST:   # false for nan too
             self._values, self._since_ns = values, None     # `look` sets the time
             return
         self._rejections.warn(
@@ -61,6 +61,11 @@ class VelocityCommand:
         forward, left, rate = values
         sideways = "linear.y = %s, " % left if self._sideways else ""
         return "linear.x = %s, %sangular.z = %s" % (forward, sideways, rate)
+
+    @property
+    def expires(self) -> bool:
+        """Whether a command ends some time after it was set."""
+        return self._timeout_ns > 0
 
     def look(self, now_ns: int) -> None:
         """Store the time; call it in ``next_before``, which runs after commands have arrived."""

@@ -14,6 +14,8 @@ from m2wr_sim.geometry import compose, cross, invert, normalise_quaternion, rota
 from m2wr_sim.plugins.base import PluginContext
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from m2wr_sim.geometry import Pose, Quaternion, Vector
     from m2wr_sim.model.types import Joint, Link, PluginSpec, Sensor
     from m2wr_sim.physics.engine import LinkState
@@ -140,6 +142,13 @@ class ModelContext(PluginContext):
         position, orientation = compose((state.position, state.orientation),
                                         compose(invert(self._first.pose), self._spec.frame))
         return state._replace(position=position, orientation=orientation)
+
+    def motion_reader(self, motion: NDArray[np.float64]) -> Callable[[], None]:
+        links = self._model.handle.links
+        if not self._spec.scope:
+            return self.physics.motion_reader(self._model.root, invert(self._model.record.links[0].pose), motion)
+        return self.physics.motion_reader(links[self._first.name],
+                                          compose(invert(self._first.pose), self._spec.frame), motion)
 
     @property
     def _first(self) -> Link:

@@ -98,7 +98,7 @@ class StrictSchedule:
         return True
 
     def skip(self, now_ns: int) -> None:
-        """Skip the calls that were due before now; later ones do not change."""
+        """Skip the calls that were due up to now; later ones do not change."""
         elapsed_ns = now_ns - self._last_ns
         if elapsed_ns > self.period_ns:
             self._last_ns = now_ns - (elapsed_ns % self.period_ns or self.period_ns) if self.period_ns else now_ns

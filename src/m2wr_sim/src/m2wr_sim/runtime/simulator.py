@@ -304,6 +304,19 @@ class Simulator:
                 events.valid_ns = 0         # query all plugins next, which is cheap now that the engine is up to date
         return now_ns
 
+    def run_quietly(self, count: int) -> None:
+        """Make steps before which no plugin acts and after which none measures; none is asked.
+
+        Parameters
+        ----------
+        count : int
+            Number of steps.
+        """
+        self._pending += count
+        self.steps += count
+        self.now_ns += count * self.step_ns
+        self._catch_up()
+
     def settle(self) -> None:
         """Let the engine catch up with the simulated time; all plugins are queried before the next step."""
         self._event_queue.valid_ns = 0
