@@ -43,13 +43,13 @@ class RobotBody:
     own_parts: Tuple[Tuple[float, ...], ...] = ()
     height: float = ROBOT_HEIGHT
 
-    @property
+    @cached_property
     def turning_radius(self) -> float:
         """Of the least disc around the axle that covers the robot at every heading [m]."""
         return max(float(np.hypot(part.vertices[:, 0] - self.axle_x, part.vertices[:, 1]).max()) + part.radius
                    for part in self.footprint)
 
-    @property
+    @cached_property
     def inscribed_radius(self) -> float:
         """Of the greatest disc around the axle inside of the robot's hull [m]."""
         corners = self.hull - (self.axle_x, 0.0)
