@@ -91,7 +91,7 @@ def _places() -> List[_Place]:
     return []
 
 
-def _place(task: RunTask) -> _Place:
+def place_of(task: RunTask) -> _Place:
     """Return the world of a task with its robot, kept from an earlier run if there was one."""
     places = _places()
     key = (task.world.key, task.robot.key, task.noise, task.limit)
@@ -207,7 +207,7 @@ def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[st
 
 def _measured(task: RunTask, around: Callable[[Decide], Decide],
               decide_with: Optional[Callable[[], Decide]]) -> Dict[str, Any]:
-    place = _place(task)
+    place = place_of(task)
     if decide_with is not None:
         entry = place.comparison.decided(task.method.name, around(decide_with()), task.seed)
     else:
