@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
                         help="processes (default: the cores)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS",
-                        help="do the runs on a cluster of Dask, such as tcp://host:8786; \"local\" is one in this process")
+                        help="do the runs on a cluster of Dask, such as tcp://host:8786; local: on one in this process")
     parser.add_argument("--dry-run", action="store_true", help="only check the study and count its runs")
     return parser
 

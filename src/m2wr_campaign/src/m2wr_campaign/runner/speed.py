@@ -133,7 +133,8 @@ def runs_per_second(tasks: Sequence[RunTask], workers: int) -> float:
     return count / (time.monotonic() - begin)
 
 
-def report(tasks: Sequence[RunTask], most_workers: int, measure: Callable[[RunTask], Share] = share_of) -> Iterator[str]:
+def report(tasks: Sequence[RunTask], most_workers: int,
+           measure: Callable[[RunTask], Share] = share_of) -> Iterator[str]:
     """Yield the lines of the report as soon as they are known.
 
     Parameters
@@ -153,7 +154,8 @@ def report(tasks: Sequence[RunTask], most_workers: int, measure: Callable[[RunTa
     yield "| in a world that the process has seen | {:.1f} ms |".format(1e3 * median(known))
     yield "| in a new world, with its exact shortest path | {:.1f} ms |\n".format(1e3 * median(new))
     shares = [measure(task) for task in tasks]
-    whole, simulation, method = (sum(getattr(one, name) for one in shares) for name in ("whole", "simulation", "method"))
+    whole, simulation, method = (sum(getattr(one, name) for one in shares)
+                                 for name in ("whole", "simulation", "method"))
     yield "| processor time of {} runs in {} worlds | s | of simulation and method |\n| --- | --- | --- |".format(
         len(tasks), len(first))
     for name, spent in (("simulation", simulation), ("method", method), ("all else", whole - simulation - method)):
@@ -170,8 +172,8 @@ def report(tasks: Sequence[RunTask], most_workers: int, measure: Callable[[RunTa
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="speed", description="Measure what a study costs: the start of a run, its processor time beside simulation "
-        "and method, and the runs a second with more processes. On a machine that does nothing else.")
+        prog="speed", description="Measure what a study costs: the start of a run, its processor time beside "
+        "simulation and method, and the runs a second with more processes. On a machine that does nothing else.")
     parser.add_argument("study", metavar="STUDY.yaml", help="the study")
     parser.add_argument("--runs", type=int, default=60, help="so many of its runs (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),

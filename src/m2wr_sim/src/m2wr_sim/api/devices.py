@@ -52,7 +52,20 @@ class DirectDrive(DiffDrive):
                     or self.callbacks)
 
     def begin(self, linear: float, angular: float, now_ns: int) -> int:
-        """Set the velocity command [m/s, rad/s]; return the time of the update from which on it acts [ns]."""
+        """Set the velocity command; return from when on it acts.
+
+        Parameters
+        ----------
+        linear, angular : float
+            [m/s, rad/s]
+        now_ns : int
+            Simulated time [ns].
+
+        Returns
+        -------
+        int
+            Time of the next update [ns]; it may be in the past.
+        """
         self._command.set(linear, 0.0, angular)
         self._command.look(now_ns)
         return self._schedule.next_due(now_ns, self._ctx.step_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drives a robot while no other plugin acts: the numbers of Simulator.advance, without asking all plugins in between."""
+"""Drives a robot while no other plugin acts: the numbers of Simulator.advance, without asking all plugins."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -18,6 +18,7 @@ from m2wr_sim.plugins.tags import PluginReader
 if TYPE_CHECKING:
     import logging
 
+    import numpy as np
     from numpy.random import Generator
     from numpy.typing import NDArray
 
