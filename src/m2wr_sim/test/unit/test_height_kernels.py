@@ -158,6 +158,53 @@ def test_a_robot_rests_on_a_slope_of_20_degrees(make_engine, build, m2wr, step_m
     assert math.dist(before.position, after.position) < 1.2 * engine.settings.cfm * torque * RADIUS < 1.5e-6
 
 
+def mesh_of(slope, cells):
+    """Return a mesh of 12 m x 2 m that rises along x, of so many cells along x and y, of two triangles each."""
+    across, up = np.linspace(-6.0, 6.0, cells[0] + 1), np.linspace(-1.0, 1.0, cells[1] + 1)
+    places = np.array([(x, y, slope * x) for x in across for y in up])
+    firsts = [row * len(up) + column for row in range(cells[0]) for column in range(cells[1])]
+    return Mesh(places, np.array([part for k in firsts for part in (
+        (k, k + len(up), k + len(up) + 1), (k, k + len(up) + 1, k + 1))]))
+
+
+@pytest.mark.parametrize("cells", [(1, 1), (120, 20)])
+@pytest.mark.parametrize("step_ms", [1, 2, 5, 10])
+def test_wheels_roll_down_a_mesh_ramp_by_energy(make_engine, build, engine_kind, cells, step_ms):
+    if engine_kind != "native" and step_ms != 5:
+        pytest.skip("the engines give the same bits, and this one is slow")
+    tilt = math.radians(10.0)
+    engine = make_engine(step_ms, [build.one_link("ramp", mesh_of(-math.tan(tilt), cells), build.at(), surface=ROUGH)])
+    pose = ((-3.0 + RADIUS * math.sin(tilt), 0.0, 3.0 * math.tan(tilt) + RADIUS * math.cos(tilt)),
+            quaternion_from_rpy(0.0, tilt, 0.0))
+    body = engine.add_model(axle(), pose).links["body"]
+    start = engine.link_state(body).position[2]
+    engine.step(1500 // step_ms)
+    state = engine.link_state(body)
+    gained = sum(value * value for value in state.linear_velocity)
+    due = 2.0 * GRAVITY * (start - state.position[2]) / (1.0 + SHARE)
+    assert due * (0.98 if step_ms == 10 else 0.993) < gained < due      # edges between triangles take some, give none
+    assert abs(state.position[1]) < (1e-5 if cells == (1, 1) else 0.03)     # and turn the axle a little
+
+
+@pytest.mark.parametrize("step_ms", [1, 2, 5, 10])
+def test_a_robot_creeps_on_a_mesh_slope_by_compliance(make_engine, build, engine_kind, m2wr, step_ms):
+    """Each contact yields by ``cfm`` times its force; the robot weighs 63 N."""
+    if engine_kind != "native" and step_ms != 5:
+        pytest.skip("the engines give the same bits, and this one is slow")
+    tilt = math.radians(20.0)
+    engine = make_engine(step_ms, [build.one_link("slope", mesh_of(math.tan(tilt), (120, 20)), build.at(),
+                                                  surface=ROUGH)])
+    up = (-math.sin(tilt), 0.0, math.cos(tilt))
+    handle = engine.add_model(m2wr, (tuple(0.1 * value for value in up), quaternion_from_rpy(0.0, -tilt, 0.0)))
+    for joint in handle.joints.values():
+        engine.set_joint_motor(joint, 0.0, 50.0)
+    engine.step(1500 // step_ms)
+    before = engine.link_state(handle.links["link_chassis"])
+    engine.step(1000 // step_ms)
+    away = math.dist(before.position, engine.link_state(handle.links["link_chassis"]).position)
+    assert away == pytest.approx(0.5 * engine.settings.cfm * 6.4 * GRAVITY * math.sin(tilt), rel=0.2)
+
+
 def test_the_edge_of_a_heightmap_carries_the_belly_of_a_box(make_engine, build):
     """A ridge of one row of samples under the middle of a box, far from its corners."""
     ridge = build.one_link("ridge", field_of(lambda x, y: np.where(np.abs(x) < 0.005, 0.05, 0.0)), build.at(),
