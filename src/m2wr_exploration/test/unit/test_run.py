@@ -88,3 +88,26 @@ def test_a_pane_that_the_laser_does_not_see_is_no_endless_loop():
     assert found.time < LIMIT, found.messages
     assert "given up" in found.ended or "has not grown" in found.ended, found.ended
     assert np.isfinite(found.length)
+
+
+def test_a_frontier_behind_glass_is_named_skipped_and_retried(monkeypatch):
+    """The pane of the test above is the nearest frontier; another room, whose end is hidden, is on the other side."""
+    more = ((-6.0, 2.0, 4.0, 0.1), (-6.0, -2.0, 4.0, 0.1), (-8.0, 0.0, 0.1, 4.0), (-4.0, 1.4, 0.1, 1.2),
+            (-4.0, -1.4, 0.1, 1.2), (-6.0, 0.9, 0.1, 2.1))
+    monkeypatch.setattr("test_run.WALLS", tuple(wall for wall in WALLS if wall[:2] != (-4.0, 0.0)) + more)
+    monkeypatch.setattr("test_run.START", (-1.2, 0.0, 0.0))
+    begun = []
+
+    def watch(now, sim):
+        begun.append(now)
+
+    found = run(rooms(shape(0, 0.0, 0.0, 0.05, 1.6, 0.08), (0.0, 0.0)), watch)
+    aside = [float(text.split(" s: ")[0]) for text in found.messages if "is set aside" in text]
+    named = [text for text in found.messages if "is set aside" in text]
+    assert found.time < LIMIT and "given up: (2.9" in found.ended, found.messages
+    assert 2 <= len(named) <= PARAMETERS["tries"].default and all("(2.9" in text for text in named), named
+    # what is behind the robot was seen after the first try: the watchdog is on the area that was seen
+    seconds = np.linspace(begun[0], begun[-1], len(found.curve))
+    grew = seconds[1:][np.diff(np.maximum.accumulate(found.curve[:, 1])) > 1e-3]
+    assert grew[-1] > aside[0] and found.share >= 0.98
+    assert begun[-1] - grew[-1] < PARAMETERS["stall_timeout"].default and found.path[-1, 0] < 0.0
