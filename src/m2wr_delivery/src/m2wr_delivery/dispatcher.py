@@ -115,17 +115,17 @@ class Dispatcher:
         return Board(now, offered, {entry.robot: entry.parcel for entry in self.entries.values()
                                     if entry.state == ASSIGNED})
 
-    def give_up(self, robot: str, reason: str) -> None:
-        """Give up what is assigned to a robot.
+    def give_up(self, parcel: str, robot: str, reason: str) -> None:
+        """Give up a parcel that is on a lost robot, even if the base has offered it again meanwhile.
 
         Parameters
         ----------
-        robot, reason : str
+        parcel, robot, reason : str
         """
-        for entry in self.entries.values():
-            if entry.state == ASSIGNED and entry.robot == robot:
-                entry.attempts.setdefault(entry.robot, reason)
-                entry.state = GIVEN_UP
+        entry = self.entries[parcel]
+        if entry.state in (OPEN, ASSIGNED):
+            entry.attempts[robot] = reason
+            entry.state = GIVEN_UP
 
     def _reopen(self, now: float) -> None:
         for entry in self.entries.values():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Dict, List, Mapping, NamedTuple, Optional, Seq
 import numpy as np
 
 from m2wr_delivery.carrier import FULL, TILT
-from m2wr_delivery.dispatcher import ASSIGNED, GIVEN_UP, OPEN, Dispatcher
+from m2wr_delivery.dispatcher import ASSIGNED, GIVEN_UP, OPEN, SILENCE, Dispatcher
 from m2wr_delivery.energy import Battery, EnergyModel
 from m2wr_delivery.parcels import status_of
 from m2wr_delivery.radio import BASE, decode, encode, groups
@@ -104,6 +104,10 @@ class Member:
         One point a second [m].
     end : str
         Why it moves no more; empty: it can move.
+    told : float
+        When it last sent a radio message, heard or not [s].
+    silent : str
+        Since when its node has told nothing; empty: it tells.
     """
 
     battery: Battery
@@ -113,6 +117,13 @@ class Member:
     speed: float = 0.0
     path: List["Point"] = field(default_factory=list)
     end: str = ""
+    told: float = math.nan
+    silent: str = ""
+
+    @property
+    def lost(self) -> str:
+        """Why nothing is to be expected of it any more; empty: it is at work."""
+        return self.end or self.silent
 
 
 class Referee:
@@ -167,6 +178,8 @@ class Referee:
         elapsed, self.time = max(0.0, now - self.time) if self.time else 0.0, now
         for name, place in truth.items():
             self._move(name, place, elapsed)
+        for name in self.members:
+            self._listen(name, bool(outboxes.get(name)))
         fixes: Dict[str, Point] = {}
         inboxes = self._pass_on(now, outboxes, elapsed, fixes)
         self._note()
@@ -215,13 +228,13 @@ class Referee:
         """Return why the run ends, or nothing."""
         if self.time - self.began > self._scenario.settings.limit:
             return "the limit of {:g} s".format(self._scenario.settings.limit)
-        if all(member.end for member in self.members.values()):
+        if all(member.lost for member in self.members.values()):
             return "no robot can move"
-        if self.base.finished and all(member.end or self._home(name) for name, member in self.members.items()):
+        if self.base.finished and all(member.lost or self._home(name) for name, member in self.members.items()):
             return "every parcel is delivered or given up, and the robots are back"
         busy = any(entry.state == ASSIGNED for entry in self.base.entries.values())
         if not busy and self.time - self._changed > IDLE_LIMIT \
-                and all(member.end or member.battery.share >= FULL for member in self.members.values()):
+                and all(member.lost or member.battery.share >= FULL for member in self.members.values()):
             return "no robot takes the parcels that are left"
         return ""
 
@@ -247,6 +260,20 @@ class Referee:
         if not member.end and member.battery.flat:
             member.end = "battery flat at ({:.1f}, {:.1f})".format(truth.x, truth.y)
             self._event("{}: {}".format(name, member.end))
+
+    def _listen(self, name: str, tells: bool) -> None:
+        """Note whether the node of a robot tells anything; one that has ended does not, and its robot stands."""
+        member = self.members[name]
+        if tells or math.isnan(member.told):
+            member.told = self.time
+            if member.silent:
+                member.silent = ""
+                self._event("{} tells something again".format(name))
+        elif not member.lost and self.time - member.told > SILENCE:
+            place = member.truth or Truth(math.nan, math.nan, 0.0, 0.0, 0.0)
+            member.silent = "its node has told nothing since {:.0f} s, at ({:.1f}, {:.1f})".format(
+                member.told - self.began, place.x, place.y)
+            self._event("{}: {}".format(name, member.silent))
 
     def _pass_on(self, now: float, outboxes: Mapping[str, Sequence[str]], elapsed: float,
                  fixes: "Dict[str, Point]") -> Dict[str, List[str]]:
@@ -287,10 +314,10 @@ class Referee:
             inboxes[other].append(text)
 
     def _write_off(self) -> None:
-        """Give up what robots have that move no more; no other robot can fetch a parcel from them."""
-        for name, member in self.members.items():
-            if member.end and any(cargo.carried and cargo.robot == name for cargo in self.cargo.values()):
-                self.base.give_up(name, member.end)
+        """Give up what lost robots have; no other robot can fetch a parcel from them."""
+        for parcel, cargo in self.cargo.items():
+            if cargo.carried and self.members[cargo.robot].lost:
+                self.base.give_up(parcel, cargo.robot, self.members[cargo.robot].lost)
 
     def _note(self) -> None:
         """Write down what the base learns."""

@@ -51,7 +51,7 @@ def result_of(scenario: Scenario, referee: Referee, ended: str) -> Dict[str, Any
     time = referee.time - began
     robots = [{"robot": name, "distance": round(member.distance, 2), "energy": round(member.battery.used, 1),
                "charged": round(member.battery.charged, 1), "battery": round(member.battery.share, 3),
-               "in_contact": round(member.in_contact / max(time, 1e-9), 3), "end": member.end}
+               "in_contact": round(member.in_contact / max(time, 1e-9), 3), "end": member.lost}
               for name, member in referee.members.items()]
     return {"seed": scenario.seed, "settings": dict(vars(scenario.settings)), "time": round(time, 2), "ended": ended,
             "parcels": parcels, "robots": robots, "events": [[round(at, 2), text] for at, text in referee.events]}

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from m2wr_delivery import figure, report
+from m2wr_delivery.dispatcher import SILENCE
 from m2wr_delivery.parcels import DELIVERED, Result, Status
 from m2wr_delivery.radio import encode
 from m2wr_delivery.referee import IDLE_LIMIT, Referee, Truth
@@ -130,3 +131,23 @@ def test_report_and_figure_are_written(tmp_path):
     figure.save(str(tmp_path / "run.png"), FIELD, run.referee)
     assert json.loads((tmp_path / "run.json").read_text())["ended"] == "the test"
     assert (tmp_path / "run.png").stat().st_size > 10000
+
+
+def test_a_silent_robot_is_lost_with_its_parcel_until_it_tells_again():
+    run = Run()
+    run.step(5.0, robot1=[status(bids={PARCEL.name: 1.0})], robot2=[status("robot2")])
+    assert run.referee.base.entries[PARCEL.name].state == "assigned"
+    run.places["robot1"] = at(*PARCEL.pick_up)
+    run.step(1.0)
+    assert run.referee.pick_up("robot1") == ""
+    run.step(0.1, robot1=[encode(Status("robot1", 6.0, PARCEL.pick_up, 1.0, "bringing", PARCEL.name, True, (), {})
+                                 .message())])
+    run.step(SILENCE + 1.0, robot2=[status("robot2")])
+    assert "told nothing since 6 s" in run.referee.members["robot1"].lost and not run.referee.members["robot2"].lost
+    assert run.referee.base.entries[PARCEL.name].state == "given up"
+    run.step(0.2, robot2=[status("robot2")])
+    assert "given up, and the robots are back" in run.referee.finished()
+    row = report.result_of(FIELD, run.referee, "test")["parcels"][0]
+    assert "told nothing" in row["why_not"] and "it is on robot1" in row["why_not"]
+    run.step(0.2, robot1=[status(time=200.0)], robot2=[status("robot2")])
+    assert not run.referee.members["robot1"].lost and not run.referee.finished()
