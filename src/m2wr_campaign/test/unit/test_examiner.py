@@ -69,9 +69,19 @@ def test_a_program_reaches_the_goal_by_its_own_commands(task):
     assert row["length"] == pytest.approx(1.0, abs=0.2) and row["method"] == "mine"
 
 
+def test_a_launch_file_that_spawns_the_robot_is_answered(task):
+    row = perform(task(NODE.replace('state = ModelState(', """from gazebo_msgs.srv import SpawnModel
+for name in ("/gazebo/spawn_urdf_model", "/gazebo/spawn_sdf_model"):
+    rospy.wait_for_service(name)
+    assert rospy.ServiceProxy(name, SpawnModel)(model_name="m2wr").success
+state = ModelState(""")))
+    assert row["outcome"] == "reached", (row["reason"], row["log"])
+
+
 def test_a_program_that_fails_has_a_reason_and_its_log(task):
     row = perform(task(NODE.replace("odometry = []", "raise ValueError('a mistake')")))
     assert row["status"] == "failed" and "the program ended" in row["reason"]
+    assert row["reason"].endswith("it wrote: ValueError: a mistake (bug2.py, line 14)")
     assert "bug2" in row["log"] and "ValueError: a mistake" in row["log"]
 
 

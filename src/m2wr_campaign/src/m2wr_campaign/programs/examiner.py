@@ -24,8 +24,9 @@ from rosmaster.master import Master
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from gazebo_msgs.srv import SetModelState, SetModelStateResponse
+from gazebo_msgs.srv import SetModelState, SetModelStateResponse, SpawnModel, SpawnModelResponse
 from m2wr_campaign.programs.containment import ContainedProgram
+from m2wr_campaign.programs.output import last_error
 from m2wr_campaign.runner.one_run import FAILED, RunError, perform_here
 from m2wr_campaign.runner.pool import end_with_parent
 from m2wr_navigation.methods.method import REACHED, Decision
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from m2wr_sim.api import StepResult
 
 COMMANDS, SCANS, ODOMETRY = "/cmd_vel", "/m2wr/laser/scan", "/odom"
+SPAWNING = "/gazebo/spawn_urdf_model", "/gazebo/spawn_sdf_model"
 FRAMES = "odom", "link_chassis", "sensor_laser"
 ARRIVED = 0.35              # m: the report's go_to_point stops 0.3 m before its goal
 STARTING = 60.0             # s of wall time until the program has to be connected
@@ -68,7 +70,8 @@ class RosSide:
         self._odometry = rospy.Publisher(ODOMETRY, Odometry, queue_size=1, tcp_nodelay=True)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
         self._commands = rospy.Subscriber(COMMANDS, Twist, self._take, queue_size=10, tcp_nodelay=True)
-        self._service = rospy.Service("/gazebo/set_model_state", SetModelState, self._refuse)
+        self._services = [rospy.Service("/gazebo/set_model_state", SetModelState, self._refuse)] + [
+            rospy.Service(name, SpawnModel, self._spawned) for name in SPAWNING]
 
     def _take(self, command: Any) -> None:
         with self._news:
@@ -79,6 +82,10 @@ class RosSide:
     def _refuse(self, request: Any) -> Any:
         """Answer the request by which the report's bug2 puts the robot at its start, where it is already."""
         return SetModelStateResponse(True, "the robot is at its start already; it is not moved")
+
+    def _spawned(self, request: Any) -> Any:
+        """Answer the request of a launch file that spawns the robot, too."""
+        return SpawnModelResponse(True, "the robot is in the world already; no other model is added")
 
     @property
     def count(self) -> int:
@@ -247,8 +254,8 @@ def examine(task: RunTask) -> Dict[str, Any]:
             row["cpu"] += program[0].cpu
             if not row["success"]:
                 row["log"] = (row["log"] + program[0].tail())[-8000:]
-            if row["status"] == FAILED and program[0].problem:
-                row["reason"] = program[0].problem
+            if row["status"] == FAILED:
+                row["reason"] = program[0].problem or row["reason"] + last_error(program[0].tail())
         return row
     finally:
         for one in program:
