@@ -133,7 +133,7 @@ def test_report_and_figure_are_written(tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10000
 
 
-def test_a_silent_robot_is_lost_with_its_parcel_until_it_tells_again():
+def test_a_silent_robot_is_lost_until_it_tells_again():
     run = Run()
     run.step(5.0, robot1=[status(bids={PARCEL.name: 1.0})], robot2=[status("robot2")])
     assert run.referee.base.entries[PARCEL.name].state == "assigned"
