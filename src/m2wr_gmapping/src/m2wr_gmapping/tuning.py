@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tuned constants of the mapper, each with its unit, its meaning and the source of its value.
 
-A constant is here if another value would give another map and if data or taste decide about it. Indices, layouts,
-buffer sizes, file formats and limits of input stay where they are used. Users' parameters are in ``config``.
+A constant is here if another value would give another map and if data or taste decide about it. What follows from
+constants is a property with its formula. Indices, layouts, buffer sizes, file formats and limits of input stay where
+they are used. Users' parameters are in ``config``.
 
 Modules read ``tuning.MATCHING.narrow``, or import the group. Compiled kernels need plain numbers, so a module of
 kernels assigns the values that it uses to names of its own when it is imported.
 """
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field, fields
 from typing import Any, Dict, Iterator, NamedTuple, Tuple
@@ -19,10 +21,13 @@ Vector3 = Tuple[float, float, float]
 Vector6 = Tuple[float, float, float, float, float, float]
 
 UNKNOWN = "not recorded"
+#: Not tuned, but as in OpenSLAM gmapping: the share of the noise along a direction that motion across it adds, and the
+#: squared distance of an end point without a partner in the likelihood of a scan (nullLikelihood) [m^2].
+CROSS_NOISE, NULL_DISTANCE2 = 0.3, 0.5
 
 
 class Constant(NamedTuple):
-    """One tuned constant.
+    """One tuned constant, or a value that follows from some; its source is then empty.
 
     Attributes
     ----------
@@ -85,15 +90,9 @@ class Matching:
     rounds: int = tuned(8, "1", "Searches for partners of the end points, from a pose by odometry.", UNKNOWN)
     particle_rounds: int = tuned(6, "1", "The same from a pose that was tracked.", UNKNOWN)
     steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
-    converged: float = tuned(1e-3, "m, rad", "A match has converged if it moves by less.",
-                             "geometry: a fiftieth of a cell")
     basin: Vector2 = tuned((0.15, 0.1), "m, rad", "Motion from which a match converges. No step of Gauss-Newton is "
                            "longer, and a slip persists over more.",
                            "geometry: three cells, from which partners are found; the same at 1.5 m")
-    beam_deviation: float = tuned(0.05, "m", "Standard deviation of the distance of one end point from its wall.",
-                                  "geometry: a cell of the usual map")
-    null_distance2: float = tuned(0.5, "m^2", "Squared distance of an end point without a partner, for the "
-                                  "likelihood.", "nullLikelihood of OpenSLAM gmapping")
     dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", UNKNOWN)
     normal_variance: float = tuned(0.085, "rad^2", "Variance of the angle of a normal that is fitted to noisy end "
                                    "points.", UNKNOWN)
@@ -101,7 +100,6 @@ class Matching:
                               UNKNOWN)
     score: float = tuned(0.5, "1", "Limit of minimumScore, and least score of a loop closure, as shares of the beams.",
                          "geometry: most good matches do not reach a higher score")
-    search_beams: int = tuned(60, "1", "Beams that the window search uses.", "time of a search")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
                                   UNKNOWN)
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
@@ -110,20 +108,28 @@ class Matching:
     start_window: Vector2 = tuned((1.0, 0.5), "m, rad", "Window around the initial pose on a saved map.",
                                   "accuracy of a pose that is clicked in rviz")
 
+    @property
+    def beam_deviation(self) -> float:
+        """Standard deviation of the distance of one end point from its wall: half the last kernel, a cell [m]."""
+        return 0.5 * math.sqrt(self.narrow)
+
+    @property
+    def converged(self) -> float:
+        """A match has converged if it moves by less than a tenth of the error of a step [m, rad]."""
+        return 0.1 * DRIFT.step[0]
+
+    @property
+    def search_beams(self) -> int:
+        """Beams that the window search uses: around a known pose a quarter of the points will do [1]."""
+        return SEARCH.points // 4
+
 
 @dataclass(frozen=True)
 class Tracking:
     """Scans between the processed ones."""
 
-    stationary: float = tuned(0.005, "m, rad", "Scans closer to the last matched one are not matched.",
-                              "geometry: a tenth of a cell")
-    sector_change: float = tuned(0.15, "m", "Change of the mean range of a sector that odometry must explain.",
-                                 "several times the noise of that mean")
     missing_scan: float = tuned(1.5, "1", "Scans are missing in an interval longer than this, in usual ones.",
                                 "geometry: between no scan missing (1) and one (2)")
-    affected_share: float = tuned(0.3, "1", "Share of a scan that must differ: of the end points of a tilted laser, of "
-                                  "the sectors if the robot has moved without odometry.",
-                                  "geometry: more than people nearby hide, less than any rotation changes")
     tilted_distance: float = tuned(1.0, "m", "A driving robot that pitches is level again within this distance.",
                                    "geometry: a few lengths of the robot")
     steepest: float = tuned(0.2, "m/m", "A steeper slope is no ramp: the robot has tipped over.",
@@ -132,6 +138,21 @@ class Tracking:
                                 "geometry: the length of a ramp")
     put_off: float = tuned(2.0, "1", "A tilted scan is processed after this multiple of the motion that makes a scan "
                            "due.", UNKNOWN)
+
+    @property
+    def stationary(self) -> float:
+        """Scans closer to the last matched one than half the error of a step are not matched [m, rad]."""
+        return 0.5 * DRIFT.step[0]
+
+    @property
+    def sector_change(self) -> float:
+        """Change of the mean range of a sector that odometry must explain: no match converges over it [m]."""
+        return MATCHING.basin[0]
+
+    @property
+    def affected_share(self) -> float:
+        """Share of a scan that differs if the laser is tilted or the robot was moved: twice a usual conflict [1]."""
+        return 2.0 * OCCLUSION.most_conflict
 
 
 @dataclass(frozen=True)
@@ -143,13 +164,16 @@ class Slips:
                               "normal distribution: 95 %")
     window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.", UNKNOWN)
     window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
-    sectors: int = tuned(8, "1", "Sectors of directions that are searched if a scan contradicts older ones.",
-                         "geometry: window and basin of a match overlap")
     confirm_scans: int = tuned(20, "1", "Scans after which a slip that persists is confirmed without motion; from scan "
                                "to scan it changes by at most a step of a search.", "longer than a robot pitches")
     left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip; a larger "
                           "difference is another one.",
                           "geometry: a cell of the usual map")
+
+    @property
+    def sectors(self) -> int:
+        """Sectors of directions that are searched if a scan contradicts older ones: window and basin overlap [1]."""
+        return math.ceil(math.pi / (self.window[1] + MATCHING.basin[1]))
 
 
 @dataclass(frozen=True)
@@ -160,17 +184,18 @@ class Occlusion:
                           "geometry: larger than the errors of a pose, smaller than a room")
     most_conflict: float = tuned(0.15, "1", "Greatest share of end points in conflict at a right pose.",
                                  "people, glass, thin posts")
-    gap: float = tuned(2.5, "1", "Beams farther apart, in median gaps, have an unknown area between them.",
-                       "geometry: one beam without a return between them")
     scans: int = tuned(8, "1", "Processed scans that a doubtful scan is compared with.", "time of a check")
+
+    @property
+    def gap(self) -> float:
+        """Beams farther apart, in median gaps, have an unknown area between them: one may be missing [1]."""
+        return 1.0 + TRACKING.missing_scan
 
 
 @dataclass(frozen=True)
 class Odometry:
     """Random errors of odometry."""
 
-    cross: float = tuned(0.3, "1", "Share of the noise along a direction that motion across it adds.",
-                         "motion model of OpenSLAM gmapping")
     floor: Vector2 = tuned((0.004, 0.005), "m or rad, 1", "Least standard deviation of a step of length 0, and its "
                            "growth with distance and rotation.", "good wheels: half a per cent")
     memory: Vector2 = tuned((10.0, 1.0), "1, 1", "Steps that the scale of the noise is estimated from, and those that "
@@ -211,10 +236,13 @@ class Particles:
                                  "time of a resampling")
     frozen_hits: int = tuned(20, "1", "Hits after which the mean of a cell is final.",
                              "geometry: accurate to a few millimetres")
-    covariance_floor: Vector3 = tuned((0.01, 0.01, 0.005), "m, m, rad", "Least standard deviation of the published "
-                                      "pose.", "geometry: resolution of a grid map")
     same: Vector2 = tuned((0.3, 0.002), "cells, rad", "A map is not made again if a pose changes by less.",
                           "time of a map update")
+
+    @property
+    def covariance_floor(self) -> Vector3:
+        """Least standard deviation of the published pose, that of a step [m, m, rad]."""
+        return DRIFT.step
 
 
 @dataclass(frozen=True)
@@ -246,8 +274,6 @@ class Drift:
 class Search:
     """Search for an old place."""
 
-    cells: Vector2 = tuned((0.1, 0.2), "m, m", "Cells of the raster of a near and of a wide search.",
-                           "time of a search; twice and four times the usual map")
     local: Vector2 = tuned((0.3, 0.08), "m, rad", "A correction up to this needs no other one; corrections by near "
                            "searches that differ by less agree.", "geometry: three cells of the raster, at 4 m")
     least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one.", UNKNOWN)
@@ -259,13 +285,10 @@ class Search:
     beyond: float = tuned(1.3, "1", "Other places are searched within the drift times this factor.",
                           "normal distribution: with the drift's deviations 99.9 %")
     against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
-    alike: float = tuned(15.0, "m", "Radius of the search for similar places outside the drift.", "time of a search")
     near_path: float = tuned(3.0, "m", "Path whose scans a near search uses, and a wide one after a short return; path "
                              "between two scans of the check of a turned path.", "geometry: a room")
     path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
                         "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
-    long_path: float = tuned(24.0, "m", "The same if several places fit.", "geometry: a long corridor")
-    short_drift: float = tuned(6.0, "m", "Greatest drift of a search after a short return.", UNKNOWN)
     points: int = tuned(240, "1", "Points of a query.", "time of a search")
     spacing: float = tuned(0.25, "m", "Cell with one point of the query of a wide search.",
                            "geometry: one cell of its raster")
@@ -273,30 +296,67 @@ class Search:
                          "of a loop closure is dropped.", "time and memory of a search")
     nodes: Tuple[int, int, int] = tuned((24, 160, 320), "1, 1, 1", "Old scans of a near search, of a wide one, and of "
                                         "one with a long segment.", "time of a search")
-    fewest: int = tuned(30, "1", "Least number of points of a query, and of beams of a scan that is searched.",
-                        "geometry: fewer give no shape")
+
+    @property
+    def cells(self) -> Vector2:
+        """Cells of the raster of a near search, a step of a window search, and of a wide one, twice that [m, m]."""
+        return math.sqrt(MATCHING.narrow), 2.0 * math.sqrt(MATCHING.narrow)
+
+    @property
+    def alike(self) -> float:
+        """Radius of the search for similar places outside the drift: ``reach`` and a room [m]."""
+        return self.reach + self.near_path
+
+    @property
+    def long_path(self) -> float:
+        """Path whose scans are used if several places fit: twice ``reach`` [m]."""
+        return 2.0 * self.reach
+
+    @property
+    def short_drift(self) -> float:
+        """Greatest drift of a search after a short return: half of ``reach`` [m]."""
+        return 0.5 * self.reach
+
+    @property
+    def fewest(self) -> int:
+        """Least number of points of a query, and of beams of a scan that is searched: an eighth of ``points`` [1]."""
+        return self.points // 8
 
 
 @dataclass(frozen=True)
 class Links:
     """Fine match of a loop closure, and its covariance."""
 
-    reach: float = tuned(5.0, "m", "Old scans within this distance make the map.", "geometry: a room")
     nodes: float = tuned(4.0, "1/m", "Additional old scans per distance of a segment that is matched together.",
                          "time of a match")
-    partners: float = tuned(0.6, "1", "Least share of the beams with a partner.", UNKNOWN)
     prior: Vector3 = tuned((0.3, 0.3, 0.15), "m, m, rad", "Standard deviations of the result of the search.",
                            "geometry: cell of the raster of a wide search")
     weight: float = tuned(0.375, "1", "Robust weight of an end point where observability is tested.",
                           "the kernel of the match, on average over that distance")
     beams: int = tuned(400, "1", "Beams of such a match.", "time of a match")
-    looks: int = tuned(3, "1", "Scans of a segment that are checked by occlusion; of the old ones four times as many.",
-                       "time of a check")
-    floor: Vector3 = tuned((0.02, 0.02, 0.008), "m, m, rad", "Standard deviation that is added to that of a match.",
-                           "geometry: half a cell of the usual map")
     unheld: Vector3 = tuned((10.0, 10.0, 1.0), "m, m, rad", "Standard deviations in directions that the scans do not "
                             "fix.",
                             "geometry: far more than any drift")
+
+    @property
+    def reach(self) -> float:
+        """Old scans within this distance, in the same room, make the map [m]."""
+        return 2.0 * DRIFT.room
+
+    @property
+    def partners(self) -> float:
+        """Least share of the beams with a partner, the least score of a search [1]."""
+        return SEARCH.least_score
+
+    @property
+    def looks(self) -> int:
+        """Scans of a segment, and old ones, that are checked by occlusion: their pairs are ``OCCLUSION.scans`` [1]."""
+        return math.ceil(math.sqrt(OCCLUSION.scans))
+
+    @property
+    def floor(self) -> Vector3:
+        """Standard deviation that is added to that of a match: twice that of a step, for two visits [m, m, rad]."""
+        return 2.0 * DRIFT.step[0], 2.0 * DRIFT.step[1], 2.0 * DRIFT.step[2]
 
 
 @dataclass(frozen=True)
@@ -305,22 +365,28 @@ class Loops:
 
     every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
     every_found: float = tuned(0.7, "m", "Path between two searches after a result.", "time until a loop is closed")
-    spacing: float = tuned(2.0, "m", "Path between two loop closures in a known area; in a review of the whole path "
-                           "twice as much.", "size of the graph")
     linked: float = tuned(1.5, "m", "A node this close to a loop closure needs no other one. The centre of a turn is "
                           "at most this far from its step.", "size of the graph")
     evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
                             "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
     outlier: float = tuned(12.0, "1", "Squared residual that halves the weight of a loop closure.",
                            "chi-squared with 3 degrees of freedom: 99.3 %")
-    least_weight: float = tuned(0.1, "1", "A loop closure with less weight after an optimisation is removed.",
-                                "nine times the squared residual of half weight")
     narrowing: float = tuned(8.0, "1", "Factor of the robust kernel from one iteration to the next.",
                              "number of iterations")
     least_change: Vector2 = tuned((0.04, 0.01), "m, rad", "The maps are made again if a pose moves by more.",
                                   "geometry: a cell of the usual map, at 4 m")
     searches: int = tuned(4, "1", "Searches of an extension per scan.", "longest time of a scan")
     conclusions: int = tuned(3, "1", "Optimisations at the end of a run.", "time of the end")
+
+    @property
+    def spacing(self) -> float:
+        """Path between two loop closures in a known area: two searches. A review of the path has twice that [m]."""
+        return 2.0 * self.every
+
+    @property
+    def least_weight(self) -> float:
+        """A loop closure with less weight is removed: that of a residual ``certain`` times the outlier's [1]."""
+        return 1.0 / (1.0 + MATCHING.certain**2)
 
 
 @dataclass(frozen=True)
@@ -329,9 +395,17 @@ class Turns:
 
     lifted: float = tuned(1.0, "s", "In less time a robot cannot be lifted, turned and put down.",
                           "half a turn at 3 rad/s")
-    memory: float = tuned(50.0, "m", "Path after which a result is dropped.", "geometry: a loop of a building")
-    support: float = tuned(5.0, "m", "Least path with results that agree.", "geometry: half of a segment")
     count: int = tuned(5, "1", "Least number of results that agree.", "a false turn is worse than a missed one")
+
+    @property
+    def memory(self) -> float:
+        """Path after which a result is dropped: each may have a segment of its own [m]."""
+        return self.count * SEARCH.path
+
+    @property
+    def support(self) -> float:
+        """Least path with results that agree: half of a segment [m]."""
+        return 0.5 * SEARCH.path
 
 
 SCANS, MATCHING, TRACKING, SLIPS, OCCLUSION = Scans(), Matching(), Tracking(), Slips(), Occlusion()
@@ -353,6 +427,17 @@ def constants() -> Iterator[Constant]:
             yield Constant(group, one.name, getattr(present, one.name), **one.metadata)
 
 
+def derived() -> Iterator[Constant]:
+    """Yield the values that follow from the constants; the meaning is the docstring of the property."""
+    for group in GROUPS:
+        present = globals()[group]
+        for name, found in vars(type(present)).items():
+            if isinstance(found, property):
+                first, _, more = " ".join(str(found.__doc__).split()).partition("].")
+                meaning, _, unit = first.rpartition(" [")
+                yield Constant(group, name, getattr(present, name), unit, meaning + "." + more, "")
+
+
 def read_by(source: str) -> Dict[str, Any]:
-    """Return the values of the constants that a module's source text reads, such as {"MATCHING.narrow": 0.01}."""
+    """Return the values that a module's source text reads here, such as {"MATCHING.narrow": 0.01}."""
     return {"{}.{}".format(group, name): getattr(globals()[group], name) for group, name in _READ.findall(source)}

@@ -13,7 +13,7 @@ from m2wr_gmapping import tuning
 ROOT = os.path.dirname(tuning.__file__)
 MODULES = sorted(path for folder in ("", "frontend", "filter", "backend", "io", "ros")
                  for path in glob.glob(os.path.join(ROOT, folder, "*.py")))
-CONSTANTS = list(tuning.constants())
+CONSTANTS, FOLLOWING = list(tuning.constants()), list(tuning.derived())
 #: Numbers of the mapper that are no tuning: another value gives the same map, or is an error.
 KEPT = {
     "backend/place_match.py": {"PINNED": "as good as infinite"},
@@ -79,9 +79,28 @@ def test_constants_cannot_be_changed():
             setattr(getattr(tuning, group), CONSTANTS[0].name, 1.0)
 
 
-def test_every_constant_is_read_somewhere():
-    found = {name for path in MODULES for name in tuning.read_by(read(path))}
-    assert found == {one.group + "." + one.name for one in CONSTANTS}
+def read_values():
+    """All values that modules read, constants and what follows from them."""
+    return {name: value for path in MODULES for name, value in tuning.read_by(read(path)).items()}
+
+
+@pytest.mark.parametrize("constant", CONSTANTS, ids=lambda one: one.group + "." + one.name)
+def test_every_constant_changes_what_some_module_reads(constant, monkeypatch):
+    before, group = read_values(), getattr(tuning, constant.group)
+    much = tuple(3 * value for value in components(constant.value))
+    monkeypatch.setattr(tuning, constant.group, dataclasses.replace(
+        group, **{constant.name: much if isinstance(constant.value, tuple) else much[0]}))
+    assert read_values() != before
+
+
+def test_what_follows_is_read_and_is_told_with_its_unit():
+    inside = read(tuning.__file__)
+    for one in FOLLOWING:
+        name = one.group + "." + one.name
+        assert name in read_values() or name in inside or "self." + one.name in inside, name
+        values = components(one.value)
+        assert all(math.isfinite(value) and value > 0.0 for value in values) and one.meaning[0].isupper(), name
+        assert one.unit and len(values) in (1, len(one.unit.split(", "))), name
 
 
 def numbers_of(source):

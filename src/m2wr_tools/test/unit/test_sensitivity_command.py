@@ -34,7 +34,7 @@ def log(tmp_path):
 
 def test_constants_are_chosen_by_name_and_by_group():
     assert len(command.chosen(None)) == len(list(tuning.constants()))
-    assert [one.name for one in command.chosen(["MATCHING.narrow"])] == ["narrow"]
+    assert [one.name for one in command.chosen(["MATCHING.rounds"])] == ["rounds"]
     assert {one.group for one in command.chosen(["SLIPS", "OCCLUSION"])} == {"SLIPS", "OCCLUSION"}
     with pytest.raises(ValueError, match="--only NONE: no such constant"):
         command.chosen(["NONE"])
@@ -42,8 +42,9 @@ def test_constants_are_chosen_by_name_and_by_group():
 
 def test_constants_in_compiled_kernels_are_known():
     compiled = command.compiled_constants()
-    assert {"ODOMETRY.floor", "MATCHING.basin", "CALIBRATION.prior"} <= compiled
-    assert not {"MATCHING.wide", "OCCLUSION.scans", "PARTICLES.drawn"} & compiled
+    assert {"ODOMETRY.floor", "MATCHING.basin", "CALIBRATION.prior", "DRIFT.step"} <= compiled     # by TRACKING
+    assert not {"MATCHING.good_share", "OCCLUSION.scans", "PARTICLES.drawn"} & compiled
+    assert tuning.DRIFT == tuning.Drift()
 
 
 def test_logs_are_files_or_folders_with_truth(log, tmp_path):
@@ -64,14 +65,14 @@ def test_wrong_options_are_usage_errors(words, capsys):
 
 def test_a_constant_is_varied_over_a_log(log, tmp_path, capsys):
     out = tmp_path / "out.json"
-    assert command.main([str(log), "--only", "MATCHING.wide", "--particles", "2", "--json", str(out),
+    assert command.main([str(log), "--only", "MATCHING.good_share", "--particles", "2", "--json", str(out),
                          "--quiet"]) == 0
     told = json.loads(out.read_text())
     assert told["base"]["room"] < 0.02
     constant, = told["constants"]
-    assert constant["constant"] == "MATCHING.wide" and sorted(constant["errors"]) == ["0.5", "2.0"]
+    assert constant["constant"] == "MATCHING.good_share" and sorted(constant["errors"]) == ["0.5", "2.0"]
     assert all(errors["room"] is not None for errors in constant["errors"].values())
-    assert "| MATCHING.wide | 0.05 | m^2 | 0.0" in capsys.readouterr().out
+    assert "| MATCHING.good_share | 0.8 | 1 | 0.0" in capsys.readouterr().out
 
 
 def test_an_interrupted_run_prints_what_is_finished(log, tmp_path, monkeypatch, capsys):

@@ -33,10 +33,9 @@ class MotionNoise:
     def deviations(self, step: Vector) -> FloatArray:
         """Return the standard deviations (3,) of a step (3,) x, y, theta, in the frame where the step starts."""
         dx, dy, turn = abs(step[0]), abs(step[1]), abs(step[2])
-        cross = tuning.ODOMETRY.cross
         return np.array([
-            self.trans_trans * dx + self.trans_rot * turn + cross * self.trans_trans * dy,
-            self.trans_trans * dy + self.trans_rot * turn + cross * self.trans_trans * dx,
+            self.trans_trans * dx + self.trans_rot * turn + tuning.CROSS_NOISE * self.trans_trans * dy,
+            self.trans_trans * dy + self.trans_rot * turn + tuning.CROSS_NOISE * self.trans_trans * dx,
             self.rot_rot * turn + self.rot_trans * math.hypot(dx, dy)])
 
 

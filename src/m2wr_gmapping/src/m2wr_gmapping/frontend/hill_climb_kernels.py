@@ -21,7 +21,7 @@ SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535
 LSTEP, ASTEP, ITERATIONS, SIGMA, LSIGMA, KERNEL, MIN_SCORE = 0, 1, 2, 3, 4, 5, 6
 SCORE, LOG_LIKELIHOOD, FOUND = 3, 4, 5
-NULL_DISTANCE2 = tuning.MATCHING.null_distance2
+NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

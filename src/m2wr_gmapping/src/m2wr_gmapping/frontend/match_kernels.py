@@ -45,7 +45,7 @@ PAIRS = LANES * PAIR_ROWS
 _QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = (
     np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
 STEP_LIMIT, CONVERGED = tuning.MATCHING.basin[0], tuning.MATCHING.converged
-STEPS_A_ROUND, NULL_DISTANCE2 = tuning.MATCHING.steps_a_round, tuning.MATCHING.null_distance2
+STEPS_A_ROUND, NULL_DISTANCE2 = tuning.MATCHING.steps_a_round, tuning.NULL_DISTANCE2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -12,7 +12,7 @@ from m2wr_gmapping import tuning
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise
 
-CROSS = tuning.ODOMETRY.cross
+CROSS = tuning.CROSS_NOISE
 MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor
 MEMORY, FIRST_MEMORY = tuning.ODOMETRY.memory
 MAX_ERROR_RATIO = tuning.MATCHING.certain**2        # greatest ratio of squared error to expectation

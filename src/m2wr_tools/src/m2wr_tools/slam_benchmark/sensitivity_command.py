@@ -28,7 +28,7 @@ from typing import Any, Dict, List, Optional, Sequence, Set, Tuple
 from m2wr_gmapping import tuning
 from m2wr_gmapping.io.atomic_files import write_atomically
 from m2wr_tools.slam_benchmark import benchmark_command as benchmark
-from m2wr_tools.slam_benchmark import laser_logs, log_details, sensitivity_table, trajectory_errors
+from m2wr_tools.slam_benchmark import laser_logs, log_details, sensitivity_run, sensitivity_table, trajectory_errors
 
 RUN_LIMIT = 900.0           # of a log [s]
 MEMORY = 6 << 30            # address space of a variation [bytes]; kernels and libraries alone map 1 GiB
@@ -64,12 +64,20 @@ def _factor(text: str) -> float:
 
 
 def compiled_constants() -> Set[str]:
-    """Return the names of the constants that compiled kernels read."""
-    found: Set[str] = set()
+    """Return the names of the constants on which compiled kernels depend, directly or by a value that follows."""
+    sources = []
     for path in glob.glob(os.path.join(os.path.dirname(tuning.__file__), "*", "*.py")):
         if path.endswith(tuning.KERNEL_MODULES):
             with open(path, encoding="utf-8") as stream:
-                found |= set(tuning.read_by(stream.read()))
+                sources.append(stream.read())
+    everything = "\n".join(sources)
+    found, before = set(), tuning.read_by(everything)
+    for one in tuning.constants():
+        present = getattr(tuning, one.group)
+        sensitivity_run.change(one.group + "." + one.name, 3.0)
+        if tuning.read_by(everything) != before:
+            found.add(one.group + "." + one.name)
+        setattr(tuning, one.group, present)
     return found
 
 
