@@ -10,12 +10,12 @@ from m2wr_elevation.study.command import main
 def test_all_planners_reach_a_goal_on_level_ground(tmp_path, capsys):
     path = str(tmp_path / "planning.csv")
     level = [word for name in ("craters", "fractal", "rubble") for word in ("--" + name, "0")]
-    assert main(["--grounds", "1", "--processes", "1", "--planners", "flat,elevation,slip", "--output", path,
+    assert main(["--grounds", "1", "--processes", "1", "--planners", "flat,elevation,back,slip", "--output", path,
                  *level]) == 0
     with open(path, encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["planner"], row["outcome"]) for row in rows] == [
-        ("flat", "reached"), ("elevation", "reached"), ("slip", "reached")]
+        ("flat", "reached"), ("elevation", "reached"), ("back", "reached"), ("slip", "reached")]
     assert all(5.5 < float(row["length"]) < 6.2 for row in rows) and float(rows[1]["rms"]) < 0.01
     assert "elevation       1 of 1" in capsys.readouterr().out
 

@@ -17,7 +17,8 @@ from m2wr_sim.api import Sim
 if TYPE_CHECKING:
     from numpy.typing import NDArray  # noqa: F401
 
-PLANNERS = ("flat", "elevation", "slip")        # "slip": by the elevation map and what was learned of slip
+# "back": by the elevation map, and backwards a while where it gets nowhere; "slip": also by what was learned of slip
+PLANNERS = ("flat", "elevation", "back", "slip")
 GOAL = (6.0, 0.0)           # m
 CLOSE = 0.4                 # m from the goal: reached
 TILT = math.radians(60.0)
@@ -67,12 +68,12 @@ def to_goal(planner: str, reliefs: Dict[str, float], seed: int, size: float = 20
         sim.step((0.0, 0.0), 1.0)
         robot = MappingRobot(sim, _SETTINGS, seed) if planner != "flat" else None
         row: Dict[str, object] = {"planner": planner, "seed": seed}
-        row.update(_drive(sim, robot, planner == "slip"))
+        row.update(_drive(sim, robot, planner == "slip", planner in ("back", "slip")))
         row["rms"] = robot.errors(grid, heights).rms if robot else math.nan
     return row
 
 
-def _drive(sim: Sim, robot: "MappingRobot | None", by_slip: bool) -> Dict[str, object]:
+def _drive(sim: Sim, robot: "MappingRobot | None", by_slip: bool, backs_off: bool) -> Dict[str, object]:
     way = np.linspace((0.0, 0.0), GOAL, 61)
     began, moved, length, most = sim.time, sim.time, 0.0, 0.0
     anchor = before = np.asarray(sim.pose()[0])
@@ -100,7 +101,7 @@ def _drive(sim: Sim, robot: "MappingRobot | None", by_slip: bool) -> Dict[str, o
         if outcome:
             break
         yaw = heading_of(pose)
-        backs = robot is not None and by_slip and recovery.due(sim.time, known[0], known[1], yaw, robot.slip.spins)
+        backs = robot is not None and backs_off and recovery.due(sim.time, known[0], known[1], yaw, robot.slip.spins)
         sim.step((-SPEED, 0.0) if backs else follow(way, known[0], known[1], yaw), PERIOD)
     return {"outcome": outcome or STUCK, "time": sim.time - began, "length": length, "tilt": most}
 
