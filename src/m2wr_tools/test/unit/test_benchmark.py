@@ -317,6 +317,16 @@ def test_the_whole_node_is_measured_with_a_listener():
     assert 0.0 < result["startup_s"] < 60.0 and result["factor"] > 1.0 and result["messages"] == 0
 
 
+def test_calls_of_a_service_are_timed():
+    done = subprocess.run([sys.executable, "-m", "m2wr_tools.benchmark.command", "--calls", "50", "--step", "0.01",
+                           "--obstacles", "2", "--factor", "1", "--json"], stdout=subprocess.PIPE,
+                          universal_newlines=True, timeout=300, check=True)
+    result = json.loads(done.stdout)["result"]
+    assert result["calls"] == 50
+    assert 0.0 < result["call_median_ms"] <= result["call_p99_ms"] <= result["call_longest_ms"]
+    assert "get_model_state, median [ms]" in table.lines(result)
+
+
 def test_a_soak_tells_the_memory_after_each_minute():
     pytest.importorskip("rosmaster", reason="needs ROS's master")
     done = subprocess.run([sys.executable, "-m", "m2wr_tools.benchmark.command", "--soak", "2", "--step", "0.01",

@@ -50,6 +50,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--node", action="store_true", help="the whole node, without a subscriber")
     made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
                       help="run the whole node for this simulated time and print its memory after each minute")
+    made.add_argument("--calls", type=_whole(1), metavar="NUMBER",
+                      help="run the whole node and time so many calls of /gazebo/get_model_state over one connection")
     made.add_argument("--factor", type=float, default=0.0,
                       help="requested real-time factor of the node; 0: as fast as possible (default)")
     made.add_argument("--simulator", choices=sorted(OTHERS), help="measure another simulator in the same case")

@@ -84,6 +84,8 @@ def measure_node(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
         with WholeNode(found, _case(options, World()), options.clients, options.factor, free_port()) as node:
             if options.soak:
                 return node.soak(options.soak, Progress("node"))
+            if options.calls:
+                return node.call_times(options.calls)
             result = node.measure(options.duration, Progress("node"))
     if not options.factor:
         alone = table.run_case(_arguments(options))
@@ -163,7 +165,7 @@ def run(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
         return compare_with_other(options)
     if options.simulator:
         return others.measure(options.simulator, _case(options, _load(options, folder)), Progress(options.simulator))
-    if options.clients or options.node or options.soak:
+    if options.clients or options.node or options.soak or options.calls:
         return measure_node(options, folder)
     return in_process.measure(_case(options, _load(options, folder)), Progress("physics and scans"))
 
@@ -203,7 +205,7 @@ def perform(options: argparse.Namespace) -> int:
         return 130
     if options.json:
         asked = {name: getattr(options, name) for name in ("world", "obstacles", "robots", "step", "beams", "duration",
-                                                           "engine", "clients", "factor", "soak")}
+                                                           "engine", "clients", "factor", "soak", "calls")}
         sys.stdout.write(json.dumps({"asked": asked, "machine": hardware.describe(), "result": result}) + "\n")
     else:
         sys.stdout.write(table.lines(result))

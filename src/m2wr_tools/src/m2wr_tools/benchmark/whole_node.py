@@ -12,12 +12,13 @@ import threading
 import time
 from typing import IO, TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional
 
+import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Pose, Twist
 from rosmaster.master import Master
 
-from gazebo_msgs.srv import GetWorldProperties, SpawnModel
+from gazebo_msgs.srv import GetModelState, GetWorldProperties, SpawnModel
 from m2wr_sim.errors import SimError
 from m2wr_sim.process_memory import memory_mb
 from m2wr_tools.benchmark import reference
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _PATIENCE = 60.0            # s to wait for an action of the node
 _NODE = "import sys; from m2wr_sim.ros.node import main; sys.exit(main())"
 _TICKS = os.sysconf("SC_CLK_TCK")
+_WARM_CALLS = 100           # before the first that is timed
 _POLL = 0.25                # s between two looks at the simulated time
 _SOAK_POLL = 0.05           # s; at full speed a minute is over in about one
 
@@ -296,6 +298,30 @@ class WholeNode:
                 return {"memory_by_minute_mb": memory, "late_growth_mb": max(memory[1:]) - memory[1],
                         "memory_mb": memory_mb("VmHWM", pid), "startup_s": self.startup}
             time.sleep(_SOAK_POLL)
+
+    def call_times(self, count: int) -> Dict[str, Any]:
+        """Call ``/gazebo/get_model_state`` one time after another over one connection, and return how long it takes.
+
+        Parameters
+        ----------
+        count : int
+            Number of calls.
+
+        Returns
+        -------
+        dict
+            Wall times [ms]: ``call_median_ms``, ``call_p99_ms``, ``call_longest_ms``; ``calls``: their number.
+        """
+        call, times = self._service("/gazebo/get_model_state", GetModelState), np.empty(count)
+        for index in range(-_WARM_CALLS, count):
+            begin = time.monotonic()
+            answer = call("robot0", "")
+            if index >= 0:
+                times[index] = 1e3 * (time.monotonic() - begin)
+            if not answer.success:
+                raise SimError("/gazebo/get_model_state: %s" % answer.status_message)
+        median, late, longest = np.percentile(times, (50.0, 99.0, 100.0)).tolist()
+        return {"call_median_ms": median, "call_p99_ms": late, "call_longest_ms": longest, "calls": count}
 
     def _solver_messages(self) -> int:
         status = rospy.wait_for_message("/diagnostics", DiagnosticArray, timeout=_PATIENCE).status[0]
