@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.methods.method import Decision
     from m2wr_sim.api import StepResult
 
-KEPT = 4                    # worlds that a worker keeps ready
+KEPT = 64                   # worlds that a worker keeps ready, about 0.2 MB each
 APART = 0.1                 # m between two points of a stored path, more where it has MOST_POINTS
 MOST_POINTS = 5000
 LONGEST_LOG = 8000          # characters
@@ -95,8 +95,9 @@ def place_of(task: RunTask) -> _Place:
     """Return the world of a task with its robot, kept from an earlier run if there was one."""
     places = _places()
     key = (task.world.key, task.robot.key, task.noise, task.limit)
-    for place in places:
+    for number, place in enumerate(places):
         if place.key == key:
+            places.append(places.pop(number))       # the ones used longest ago are dropped
             return place
     places.append(_Place(task))
     del places[:-KEPT]

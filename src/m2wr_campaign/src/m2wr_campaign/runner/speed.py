@@ -99,6 +99,7 @@ def share_of(task: RunTask) -> Share:
     ----------
     task : RunTask
     """
+    start_of(task)
     place, commands = place_of(task), [(0.0, 0.0)]
     whole = float(perform_here(task)["cpu"])
 

@@ -113,9 +113,10 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
         begun = sim.time
         while sim.time - begun < limit:
             result = sim.step((decision.linear, decision.angular), PERIOD)
-            poses.append(result.pose)
-            contacts += len(result.contacts)
-            watch.look(sim, result.pose, result.contacts)
+            seen, = result.robots.values()
+            poses.append(seen.pose)
+            contacts += len(seen.contacts)
+            watch.look(sim, seen.pose, seen.contacts)
             before = time.process_time()
             decision = decide(result)
             spent, cycles = spent + time.process_time() - before, cycles + 1
@@ -130,9 +131,10 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
 
 def sensing_of(result: StepResult) -> Sensing:
     """Return what a method sees of a step of the simulation."""
-    scan, odometry = result.scan, result.odometry
+    seen, = result.robots.values()
+    scan, odometry = seen.scan, seen.odometry
     assert scan is not None and odometry is not None
-    return Sensing(result.time, result.pose, (odometry.linear_x, odometry.angular_z), scan.ranges, scan.angle_min,
+    return Sensing(result.time, seen.pose, (odometry.linear_x, odometry.angular_z), scan.ranges, scan.angle_min,
                    scan.angle_increment)
 
 

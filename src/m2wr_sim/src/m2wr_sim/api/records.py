@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Dict, Optional, Tuple
 
 from m2wr_sim.geometry import Quaternion, Vector, yaw_of
@@ -137,7 +138,7 @@ class Observation:
     scan: Optional[Scan]
     contacts: Tuple[Contact, ...]
 
-    @property
+    @cached_property
     def pose(self) -> Tuple[float, float, float]:
         """Planar pose in the world: x, y [m], yaw [rad]."""
         return (self.position[0], self.position[1], yaw_of(self.orientation))
