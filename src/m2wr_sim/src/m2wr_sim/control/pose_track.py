@@ -38,6 +38,9 @@ def slerp(share: float, one: Sequence[float], two: Sequence[float], shortest: bo
     shortest : bool, optional
         Whether to rotate by at most pi.
     """
+    if one == two:                  # most obstacles that move do not turn
+        x, y, z, w = one
+        return x, y, z, w
     cosine = one[0] * two[0] + one[1] * two[1] + one[2] * two[2] + one[3] * two[3]
     sign = -1.0 if shortest and cosine < 0.0 else 1.0
     cosine *= sign
@@ -47,7 +50,8 @@ def slerp(share: float, one: Sequence[float], two: Sequence[float], shortest: bo
         first, second = math.sin((1.0 - share) * angle) / sine, sign * math.sin(share * angle) / sine
     else:
         first, second = 1.0 - share, sign * share
-    x, y, z, w = (first * a + second * b for a, b in zip(one, two))
+    x, y = first * one[0] + second * two[0], first * one[1] + second * two[1]
+    z, w = first * one[2] + second * two[2], first * one[3] + second * two[3]
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     return (x / norm, y / norm, z / norm, w / norm) if norm > 0.0 else (0.0, 0.0, 0.0, 1.0)
 
@@ -62,6 +66,8 @@ def rotation_rate(one: Sequence[float], two: Sequence[float], duration: float) -
     duration : float
         [s]
     """
+    if one == two:
+        return 0.0, 0.0, 0.0
     x, y, z, w = multiply(two, conjugate(one))
     sine = math.sqrt(x * x + y * y + z * z)
     if sine < 1e-12:
