@@ -52,6 +52,31 @@ def test_values_are_those_of_the_engine(make):
     assert of(links.messages[-1], "m2wr::link_chassis")[0] == pytest.approx(state.position, abs=0.2)
 
 
+def test_a_paused_world_is_shown_once_to_each_who_subscribes(make):
+    rig, (models, links) = make()
+    states, audience = rig.simulator.observers[-1][0], ["one"]
+    states._audiences[0] = lambda: tuple(audience)
+    states.rest()
+    states.rest()
+    assert len(models.messages) == 1
+    audience.append("two")              # it has connected after the first message
+    states.rest()
+    states.rest()
+    assert len(models.messages) == 2
+
+
+def test_what_changes_in_a_paused_world_is_shown(make):
+    rig, (models, links) = make()
+    states = rig.simulator.observers[-1][0]
+    states.rest()
+    rig.simulator.set_model_state("m2wr", at(1.0, 2.0, 0.1), REST, REST)
+    states.rest()
+    assert of(models.messages[-1], "m2wr")[0][:2] == pytest.approx((1.0, 2.0))
+    rig.simulator.delete("box")
+    states.rest()
+    assert models.messages[-1].name == ["ground_plane", "m2wr"] and len(models.messages) == 3
+
+
 def test_moved_static_model_has_its_new_pose(make):
     rig, (models, links) = make()
     rig.run(0.1)

@@ -103,6 +103,10 @@ class Channel:
         """Return whether the topic has a subscriber."""
         return bool(self.impl.connections)
 
+    def audience(self) -> Tuple[Any, ...]:
+        """Return the subscribers, to compare with those of another moment."""
+        return tuple(self.impl.connections)
+
     def due(self) -> bool:
         """Return whether a subscriber takes a message now; one that asked for fewer may not."""
         if self.impl.connections is not self._known or self._prompt:
@@ -275,6 +279,10 @@ class PlainChannel:
     def connected(self) -> bool:
         """Return whether the topic has a subscriber."""
         return self._publisher.get_num_connections() > 0
+
+    def audience(self) -> Tuple[Any, ...]:
+        """Return something that differs if the number of subscribers does."""
+        return (self._publisher.get_num_connections(),)
 
     def due(self) -> bool:
         """Return whether the topic has a subscriber; rospy sends each message to all."""

@@ -101,7 +101,8 @@ class WorldStates(Plugin):
         self._simulator, self._models_port, self._links_port = simulator, models_port, links_port
         self._models_due: Callable[[], bool] = getattr(models_port, "due", models_port.wanted)
         self._links_due: Callable[[], bool] = getattr(links_port, "due", links_port.wanted)
-        self._sent_ns = -1
+        self._audiences = [getattr(port, "audience", tuple) for port in (models_port, links_port)]
+        self._shown: Any = None                 # what was published last, and to whom
         self._schedule = StrictSchedule(rate, simulator.now_ns)
         self._seen: Optional[List[Any]] = None
         self._models, self._links = self._readers([])
@@ -123,13 +124,18 @@ class WorldStates(Plugin):
             self._publish(now_ns)
 
     def rest(self) -> None:
-        """Publish the present states if they were not; for a simulation that does not advance at the moment."""
-        now_ns = self._simulator.now_ns
-        if now_ns != self._sent_ns and (self._models_due() or self._links_due()):
-            self._publish(now_ns)
+        """Publish the present states if they or the subscribers are new, in a simulation that does not advance."""
+        if self._shown != self._present() and (self._models_due() or self._links_due()):
+            self._publish(self._simulator.now_ns)
+
+    def _present(self) -> Tuple[Any, ...]:
+        """Return what tells apart states and subscribers: time, models, places, who subscribes."""
+        simulator = self._simulator
+        return (simulator.now_ns, simulator.model_changes, simulator.engine.placements,
+                [audience() for audience in self._audiences])
 
     def _publish(self, now_ns: int) -> None:
-        simulator, self._sent_ns = self._simulator, now_ns
+        simulator, self._shown = self._simulator, self._present()
         simulator.ports.moment(now_ns)
         models = [model for model in simulator.models.values() if self._chosen(model.record)]
         if models != self._seen:                # a model remains the same object until it is deleted

@@ -56,6 +56,7 @@ class _Port:
         self._publisher, self.channel = channels.open(topic, message_class)
         self.wanted: Callable[[], bool] = self.channel.connected       # called before each sequence of steps
         self.due: Callable[[], bool] = self.channel.due                # as wanted, at this moment of wall time
+        self.audience: Callable[[], Tuple[Any, ...]] = self.channel.audience      # its subscribers now
         self.topic: str = self.channel.topic
 
     def publish(self, message: Any) -> None:
