@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Callable, Dict, Iterator, List, Optional, Sequence
 
+from m2wr_campaign.runner.command import MOST_WORKERS
 from m2wr_campaign.runner.one_run import RunError, perform, perform_here, place_of, row_of_failure
 from m2wr_campaign.runner.pool import Pool
 from m2wr_campaign.study.expansion import all_tasks
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.methods.method import Decision
     from m2wr_sim.api import StepResult
 
-MOST_RUNS, MOST_WORKERS = 100_000, 1024
+MOST_RUNS = 100_000
 STARTS = 40                 # of runs in a known world, for their median
 
 
