@@ -51,31 +51,6 @@ class DirectDrive(DiffDrive):
         return not (self._encoder is not None or self._acceleration > 0.0 or self._command.expires or self.timely
                     or self.callbacks)
 
-    def begin(self, linear: float, angular: float, now_ns: int) -> int:
-        """Set the velocity command; return from when on it acts.
-
-        Parameters
-        ----------
-        linear, angular : float
-            [m/s, rad/s]
-        now_ns : int
-            Simulated time [ns].
-
-        Returns
-        -------
-        int
-            Time of the next update [ns]; it may be in the past.
-        """
-        self._command.set(linear, 0.0, angular)
-        self._command.look(now_ns)
-        return self._schedule.next_due(now_ns, self._ctx.step_ns)
-
-    def update(self, now_ns: int) -> None:
-        """Set the motors by the command, in a step in which it is due."""
-        elapsed_ns = self._schedule.elapsed(now_ns)
-        if self._schedule.due(now_ns):
-            self._drive(now_ns, elapsed_ns)
-
     def skip_updates(self, end_ns: int) -> None:
         """Leave out all updates up to a time [ns]."""
         self._schedule.skip(end_ns)

@@ -41,12 +41,13 @@ class QuietRun:
         """
         simulator, drive = self._simulator, self._drive
         step_ns, now_ns = simulator.step_ns, simulator.now_ns
-        due_ns = drive.begin(linear, angular, now_ns)
+        drive.command(linear, angular)
+        due_ns = drive.next_before(now_ns)
         if now_ns < due_ns - step_ns:               # the command waits for the next update
             now_ns = min(due_ns - step_ns, end_ns)
             simulator.run_quietly((now_ns - simulator.now_ns) // step_ns)
         if now_ns < end_ns:
-            drive.update(now_ns + step_ns)
+            drive.before_step(now_ns + step_ns)
             drive.skip_updates(end_ns)              # they would set the same targets
             simulator.run_quietly((end_ns - now_ns) // step_ns)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Any, Optional, Tuple
+from typing import Any, Tuple
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
 from m2wr_sim.geometry import Quaternion, Vector, quaternion_from_rpy, yaw_of
@@ -95,7 +95,7 @@ class DiffDrive(Plugin):
         """
         self._command.set(linear, 0.0, angular)
 
-    def next_before(self, now_ns: int) -> Optional[int]:
+    def next_before(self, now_ns: int) -> int:
         self._command.look(now_ns)
         if self._encoder is not None:
             return now_ns + self._ctx.step_ns
