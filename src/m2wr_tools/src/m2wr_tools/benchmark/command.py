@@ -193,6 +193,10 @@ def perform(options: argparse.Namespace) -> int:
             from m2wr_tools.benchmark import ground_speed
             sys.stdout.write(ground_speed.report())
             return 0
+        if options.contacts:
+            from m2wr_tools.benchmark import wheel_contacts
+            sys.stdout.write(wheel_contacts.report())
+            return 0
         if options.cameras:
             from m2wr_tools.benchmark import sensors_speed
             sys.stdout.write(sensors_speed.report())
