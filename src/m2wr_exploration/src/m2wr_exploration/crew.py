@@ -130,8 +130,9 @@ class Crew:
                 for other, member in enumerate(self.members):
                     frame = self.placing.relative(other, number)
                     if other != number and frame is not None:
+                        view = member.explorer.view
                         member.explorer.aside.take(replace(entry, points=placed(entry.points, frame))
-                                                   if frame.any() else entry)
+                                                   if frame.any() else entry, None if view is None else view.costmap)
 
     def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
         """Return a map for a robot (H, W): the others that stand are obstacles, those that drive are not.

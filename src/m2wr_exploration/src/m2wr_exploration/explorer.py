@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 import numpy as np
 
 from m2wr_exploration.frontiers import Frontier, View, distances, look
-from m2wr_exploration.set_aside import SetAside
+from m2wr_exploration.set_aside import SetAside, costs_at
 from m2wr_exploration.team.auction import assign
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import Parameter, flag
@@ -25,6 +25,8 @@ PARAMETERS: Dict[str, Parameter] = {
     "min_frontier_size": Parameter(0.5, "m", 0.0, 100.0, "size of the smallest frontier"),
     "min_corner_size": Parameter(0.0, "m", 0.0, 100.0, "size of the smallest frontier in a place too narrow for the "
                                  "robot, into which it looks; 0: none"),
+    "look_time": Parameter(0.0, "s", 0.0, 60.0, "time that a robot which has arrived waits for the map, until a "
+                           "frontier that is still there counts as looked at"),
     "progress_timeout": Parameter(30.0, "s", 1.0, 1e6, "time without coming nearer, until a frontier is set aside"),
     "retry_after": Parameter(20.0, "s", 0.0, 1e6, "time until a frontier that was set aside is tried again, at first"),
     "tries": Parameter(3, "", 1, 100, "tries of a frontier while the map around it does not change"),
@@ -42,6 +44,7 @@ GROWTH = 0.5                # m^2: by which the known area has to grow to count 
 CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
 LOOKED = "was looked at, and shows nothing new"     # why a frontier is set aside, by any robot of a team
 TEAMMATE = 2.5              # m^2: that a teammate which stands takes from it: a disc in which the robot cannot be
+SHOWN = 0.2                 # share of the cells of a frontier that have to become known for a look to count as new
 SETTLE = 3.0                # s: so long no frontier has to be left, for maps are late
 
 
@@ -113,6 +116,8 @@ class Explorer:
         self._goal: Optional[FloatArray] = None
         self._start: Optional[FloatArray] = None
         self._began: Optional[float] = None
+        self._points: FloatArray = np.empty((0, 2))     # of the target, unknown when its goal was sent [m]
+        self._arrived: Optional[float] = None           # s: when the robot came to its goal, and looks since then
         self._best, self._progress = math.inf, 0.0
         self._empty_since: Optional[float] = None
         self._known, self._grew = -math.inf, 0.0
@@ -157,13 +162,16 @@ class Explorer:
         self._reachable = max(self._reachable, self._reachable_now())
         for entry in self.aside.forget_changed(costmap, self.view.frontiers):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
-        messages += self._judge_last(now, costmap, pose, result, text)
+        messages += self._judge_last(now, costmap, pose, result, text, costmap if known is None else known)
         if self._stalls(now, costmap):
             return self._finish("the known area of {:.1f} m^2 has not grown for stall_timeout, {:g} s".format(
                 self._known, self.values["stall_timeout"]), messages)
         if self.values["time_limit"] and now - (self._began or 0.0) > self.values["time_limit"]:
             return self._finish("time_limit of {:g} s is over".format(self.values["time_limit"]), messages)
-        return self._choose(now, pose, messages, costmap, others)
+        decision = self._choose(now, pose, messages, costmap, others)
+        if decision.goal is not None and self.target is not None:
+            self._points = _unknown_of(costmap if known is None else known, self.target.points)
+        return decision
 
     def give_up(self, now: float, reason: str) -> str:
         """Set the present frontier aside, as when the robot does not answer; it has no goal any more.
@@ -211,7 +219,8 @@ class Explorer:
 
     # ---- the last goal -----------------------------------------------------------------------------------------
 
-    def _judge_last(self, now: float, costmap: Costmap, pose: FloatArray, result: str, text: str) -> List[str]:
+    def _judge_last(self, now: float, costmap: Costmap, pose: FloatArray, result: str, text: str,
+                    known: Costmap) -> List[str]:
         """Set the target aside if it failed, made no progress, or shows nothing new."""
         target = self.target
         if target is None or self._goal is None:
@@ -219,30 +228,41 @@ class Explorer:
         away = float(np.hypot(*(self._goal[:2] - pose[:2])))
         if away < self._best - NEARER:
             self._best, self._progress = away, now
-        reason = ""
-        if result == "aborted":
+        if result == "succeeded":
+            self._arrived = now
+        there, reason = self._still_there(target), ""
+        if self._arrived is not None and there is not None and result in ("", "succeeded"):
+            if now - self._arrived < self.values["look_time"]:
+                return []
+            result, reason = "succeeded", "" if self._shows_new(known) else LOOKED
+        elif result == "aborted":
             reason = "could not be reached: " + (text or "the goal was aborted")
-        elif result == "succeeded" and self._still_there(target) is not None:
-            reason = LOOKED
         elif not result and self._has_closed(costmap, target):
             reason = "the way to it has closed"
         elif not result and now - self._progress > self.values["progress_timeout"]:
             reason = "the robot came no nearer within {:g} s".format(self.values["progress_timeout"])
-        if result or reason:
-            self.target, self._goal = None, None
+        if result or reason or self._arrived is not None:
+            self.target, self._goal, self._arrived = None, None, None
         if not reason:
             return []
-        entry = self.aside.add(now, costmap, self._still_there(target) or target, reason)
+        entry = self.aside.add(now, costmap, there or target, reason)
         return ["the frontier at {} is set aside: {}".format(entry.place, reason)]
+
+    def _shows_new(self, known: Costmap) -> bool:
+        """Return whether a good part of the target has become known since its goal was sent.
+
+        So a large hole, whose middle stays where it is, is looked at again from its new border.
+        """
+        count = len(self._points)
+        return count - len(_unknown_of(known, self._points)) > SHOWN * count
 
     def _has_closed(self, costmap: Costmap, target: Frontier) -> bool:
         """Return whether the target is still unknown, but no way leads to it any more, as behind a door that closes."""
         assert self.view is not None and self._goal is not None
         if self._still_there(target) is not None:
             return False
-        cell, cells = costmap.cell(self._goal[0], self._goal[1]), costmap.cells(target.points)
-        cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
-        unknown = np.count_nonzero(costmap.costs[cells[:, 0], cells[:, 1]] == NO_INFORMATION)
+        cell = costmap.cell(self._goal[0], self._goal[1])
+        unknown = np.count_nonzero(costs_at(costmap, target.points) == NO_INFORMATION)
         return 2 * unknown > len(target.points) and (cell is None or not np.isfinite(self.view.distance[cell]))
 
     def _still_there(self, target: Frontier) -> Optional[Frontier]:
@@ -275,6 +295,8 @@ class Explorer:
             cancel, self.target, self._goal = self._goal is not None, None, None
             return Decision(cancel=cancel, messages=tuple(messages) + self._once(
                 "the other robots drive to all frontiers; this one waits"))
+        if chosen is kept and self._arrived is not None:        # it looks
+            return Decision(messages=tuple(messages))
         same = self.target is not None and self._goal is not None \
             and float(np.hypot(*(chosen.goal - self._goal[:2]))) < SAME_GOAL
         if same:
@@ -284,6 +306,7 @@ class Explorer:
         if chosen is not kept:
             self._best, self._progress = float(np.hypot(*(chosen.goal - pose[:2]))), now
         self.target, self._goal = chosen, np.array([chosen.goal[0], chosen.goal[1], heading])
+        self._arrived = None
         return Decision(self._goal.copy(), messages=tuple(messages))
 
     @staticmethod
@@ -345,3 +368,9 @@ class Explorer:
         told = "the robot is back at its start" if result == "succeeded" else \
             "the robot did not get back to its start: " + (text or result)
         return Decision(messages=(told,), state=DONE)
+
+
+def _unknown_of(known: Costmap, points: FloatArray) -> FloatArray:
+    """Return those points (N, 2) that are unknown in a map, and inside of it [m]."""
+    points = points[((known.cells(points) >= 0) & (known.cells(points) < np.array(known.shape))).all(axis=1)]
+    return points[costs_at(known, points) == NO_INFORMATION]

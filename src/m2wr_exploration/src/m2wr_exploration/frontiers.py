@@ -214,7 +214,8 @@ def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Fl
              groups: Int32Array, start: Tuple[int, int]) -> List[Optional[Frontier]]:
     """Return the frontiers at known free space that is too narrow for the robot, but that it can look into.
 
-    Those at the ends of other frontiers are left: they are seen with these.
+    Those at the ends of other frontiers are left: they are seen with these. Some are not narrow: beams without an end
+    have cleared their cells in the costmap, and they are only unknown in the map. The robot drives into these.
     """
     near = np.empty(costmap.shape, np.float32)
     distance_transform(seen == LETHAL, SLIT + 1.0, near)
@@ -226,6 +227,9 @@ def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Fl
     around, made = int(math.ceil(reach)) + 1, []
     for part in _parts(other, count):
         if len(part) * costmap.resolution < least or other[tuple(part[0])] in taken:
+            continue
+        if 2 * np.count_nonzero(np.isfinite(distance[part[:, 0], part[:, 1]])) > len(part):
+            made.append(_frontier(costmap, robot, distance, part, _inside(costs, distance, part)))
             continue
         low = np.maximum(part.min(axis=0) - around, 0)
         high = part.max(axis=0) + around + 1
@@ -239,6 +243,13 @@ def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Fl
         if counts.max() >= IN_SIGHT * len(some):
             made.append(_frontier(costmap, robot, distance, part, np.argwhere(2 * counts > counts.max()) + low, True))
     return made
+
+
+def _inside(costs: Uint8Array, distance: Float32Array, part: IndexArray) -> IndexArray:
+    """Return the unknown cells (N, 2) that the robot can reach among those that a frontier goes round, its own too."""
+    low, high = part.min(axis=0), part.max(axis=0) + 1
+    window = slice(low[0], high[0]), slice(low[1], high[1])
+    return np.argwhere((costs[window] == NO_INFORMATION) & np.isfinite(distance[window])) + low
 
 
 def _beside(cells: IndexArray, distance: Float32Array) -> IndexArray:

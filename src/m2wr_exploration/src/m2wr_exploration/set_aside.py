@@ -2,7 +2,7 @@
 """Frontiers that are not tried for now, each with its reason."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, List, Optional, Sequence
 
 import numpy as np
@@ -12,7 +12,7 @@ from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 
 if TYPE_CHECKING:
     from m2wr_exploration.frontiers import Frontier
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray, Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
 
 AROUND = 1.0        # m around a frontier in which the map counts
@@ -51,6 +51,20 @@ class Entry:
 def _unknown(costmap: Costmap, points: FloatArray) -> float:
     return float(count_unknown(costmap.costs, costmap.cells(points), int(round(AROUND / costmap.resolution)))
                  ) * costmap.resolution ** 2
+
+
+def costs_at(costmap: Costmap, points: FloatArray) -> Uint8Array:
+    """Return the costs of the cells of points, of those that are in the map.
+
+    Parameters
+    ----------
+    costmap : Costmap
+    points : (N, 2) float64
+        [m]
+    """
+    cells = costmap.cells(points)
+    cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
+    return costmap.costs[cells[:, 0], cells[:, 1]]
 
 
 class SetAside:
@@ -101,18 +115,21 @@ class SetAside:
         self.entries.append(made)
         return made
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: Entry, costmap: Optional[Costmap] = None) -> None:
         """Take an entry of another robot, if no entry here has as many tries.
 
         Parameters
         ----------
         entry : Entry
             In the frame of the map of this robot.
+        costmap : Costmap, optional
+            Of this robot: on it the other robot is an obstacle, so what is unknown around the entry differs.
         """
         centre = entry.points.mean(axis=0)
         same = [own for own in self.entries if np.hypot(*(own.points.mean(axis=0) - centre)) <= self.radius]
         if all(own.tries < entry.tries for own in same):
-            self.entries = [own for own in self.entries if own not in same] + [entry]
+            taken = entry if costmap is None else replace(entry, unknown=_unknown(costmap, entry.points))
+            self.entries = [own for own in self.entries if own not in same] + [taken]
 
     def forget_changed(self, costmap: Costmap, frontiers: Optional[Sequence[Frontier]] = None) -> List[Entry]:
         """Forget the frontiers around which the map has changed; return them.
@@ -152,14 +169,8 @@ class SetAside:
         ----------
         costmap : Costmap
         """
-        found = []
-        for entry in self.entries:
-            cells = costmap.cells(entry.points)
-            cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
-            known = np.count_nonzero(costmap.costs[cells[:, 0], cells[:, 1]] != NO_INFORMATION)
-            if 2 * known < len(entry.points):
-                found.append(entry)
-        return found
+        return [entry for entry in self.entries if 2 * np.count_nonzero(
+            costs_at(costmap, entry.points) != NO_INFORMATION) < len(entry.points)]
 
     def waits(self, now: float, costmap: Costmap) -> bool:
         """Return whether the time of another try is still to come, as for a door that was closed.

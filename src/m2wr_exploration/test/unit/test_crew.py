@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Crews on drawn grids: they see everything together; robots that do not answer are named, and others take over."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from m2wr_exploration.crew import BODY, STANDS, Crew
 from m2wr_exploration.explorer import DONE, LOOKED, PARAMETERS, Explorer
 from m2wr_exploration.registry import find
 from m2wr_exploration.team.placing import Placing
+from m2wr_navigation.costmap.cost_layout import LETHAL
 from m2wr_navigation.parameters import read
 
 HALL = """
@@ -133,12 +136,28 @@ def test_what_one_robot_has_looked_at_no_other_looks_at():
     assert second.aside.allows(run.now, frontier)
     entry = first.aside.add(run.now, costmap, frontier, LOOKED)
     run.crew.share(0)
-    assert not second.aside.allows(run.now, frontier) and second.aside.entries == [entry]
+    assert not second.aside.allows(run.now, frontier) and [each.tries for each in second.aside.entries] == [entry.tries]
     again = second.aside.add(entry.until, costmap, frontier, LOOKED)
     assert again.tries == entry.tries + 1
     run.crew.share(0)
     run.crew.share(1)
-    assert first.aside.entries == second.aside.entries == [again]
+    assert [each.tries for each in first.aside.entries + second.aside.entries] == [again.tries] * 2
+
+
+def test_what_a_teammate_gave_is_not_forgotten_because_of_it():
+    """The teammate stands beside the frontier, so in this robot's map less is unknown there."""
+    run = hall()
+    run.step()
+    first, second = (member.explorer for member in run.crew.members)
+    frontier = first.view.frontiers[0]
+    costs = second.view.costmap.costs.copy()
+    row, column = (int(value) for value in frontier.cells.mean(axis=0))
+    costs[row - 1:row + 2, column - 1:column + 2] = LETHAL
+    other = replace(second.view.costmap, costs=costs)
+    second.view = replace(second.view, costmap=other)
+    first.aside.add(run.now, first.view.costmap, frontier, LOOKED)
+    run.crew.share(0)
+    assert len(second.aside.entries) == 1 and not second.aside.forget_changed(other)
 
 
 def test_a_robot_that_is_back_takes_part_again():

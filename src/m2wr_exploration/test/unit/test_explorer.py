@@ -79,6 +79,52 @@ def test_frontiers_that_show_nothing_new_are_set_aside():
     assert any("shows nothing new" in text for text in texts(decisions))
 
 
+def test_a_robot_that_has_arrived_waits_for_the_map():
+    """The map of what is seen from a goal comes two seconds later than the robot."""
+    world, made, late = World(HOUSE), explorer(look_time=3.0), []
+    see = world.see
+
+    def later(x, y):
+        late.append((x, y))
+        see(*late[max(0, len(late) - 3)])
+
+    world.see = later
+    decisions, _ = run(made, world)
+    assert not any("set aside" in text for text in texts(decisions))
+    assert (world.known.costs[world.truth.costs == 0] == 0).all()
+
+
+HOLE = "\n".join(["#" * 40] + ["#" + "." * 38 + "#"] * 28 + ["#" * 40])
+
+
+def holed(shave):
+    """Let a robot explore round a hole in a map, of which so many cells more are seen from each goal."""
+    world, made = World(HOLE, resolution=0.25), explorer(retry_after=1e6)
+    rows, columns = np.mgrid[:30, :40]
+    away = np.hypot(rows - 15, columns - 20)
+    world.known.costs[:] = np.where(away < 8, 255, world.truth.costs)
+    radius = [8.0]
+
+    def answer(goal):
+        radius[0] -= shave
+        return "succeeded"
+
+    world.see = lambda x, y: world.known.costs.__setitem__(away >= radius[0], world.truth.costs[away >= radius[0]])
+    return run(made, world, answer)[0], world
+
+
+def test_a_hole_that_shrinks_is_looked_at_again():
+    """Its middle, and so the place of its frontier, stays where it is."""
+    decisions, world = holed(1.0)
+    assert not any("set aside" in text for text in texts(decisions))
+    assert np.count_nonzero(world.known.costs == 255) < 8       # smaller than the smallest frontier, of 200 at first
+
+
+def test_a_hole_that_stays_is_set_aside():
+    decisions, _ = holed(0.0)
+    assert any("shows nothing new" in text for text in texts(decisions))
+
+
 def test_exploration_ends_although_frontiers_come_and_go():
     """A map whose unknown cells change at random, as behind glass: only the known area tells that nothing is found."""
     world, made = World(HOUSE), explorer(stall_timeout=60.0, retry_after=1.0, tries=100)

@@ -125,3 +125,15 @@ def test_corners_are_found_below_the_inflation():
     costmap.costs[costmap.costs == 255] = 253
     assert not look(costmap, INSIDE, 0.0, 0.35, 0.1).frontiers
     assert len(look(costmap, INSIDE, 0.0, 0.35, 0.1, alcove()).frontiers) == 1
+
+
+def test_a_hole_that_the_costmap_has_cleared_is_driven_into():
+    """Beams without an end clear costmaps, not maps: what is unknown there is free to drive in, so not narrow."""
+    costmap = grid("\n".join(["#" * 60] + ["#" + "." * 58 + "#"] * 58 + ["#" * 60]), 0.05)
+    known = Costmap(costmap.costs.copy(), 0.05, np.zeros(2), "map")
+    known.costs[20:45, 25:45] = 255
+    view = look(costmap, INSIDE, 0.0, 0.3, 0.5, known)
+    assert len(view.frontiers) == 1
+    row, column = view.frontiers[0].goal_cell
+    assert 30 <= row <= 34 and 33 <= column <= 37
+    assert np.isfinite(view.frontiers[0].path)
