@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from m2wr_navigation import registry
+from m2wr_navigation.compare.clearance import Clearances
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
@@ -73,8 +74,10 @@ def compile_planner_kernels() -> None:
 
 
 def compile_optimum_kernels() -> None:
-    """Find the shortest path around a disc."""
-    shortest_path([Outline(np.array([(0.0, 0.0)]), 0.5)], 0.2, (-2.0, 0.0), (2.0, 0.0))
+    """Find the shortest path around a disc, and the clearance of a robot on it."""
+    disc = Outline(np.array([(0.0, 0.0)]), 0.5)
+    shortest_path([disc], 0.2, (-2.0, 0.0), (2.0, 0.0))
+    Clearances([disc], [disc]).least(np.zeros((1, 3)))
 
 
 def compile_controller_kernels() -> None:

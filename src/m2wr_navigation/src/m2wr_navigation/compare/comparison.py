@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Mapping, 
 import numpy as np
 
 from m2wr_navigation import registry
+from m2wr_navigation.compare.clearance import Clearances
 from m2wr_navigation.compare.drive import M2WR_ROBOT, Drive, Robot, drive, method_decisions
 from m2wr_navigation.compare.movers import movers_of
 from m2wr_navigation.compare.planned import Follower, costmap_of, plan_with
@@ -17,7 +18,7 @@ from m2wr_navigation.optimum.shortest_path import ShortestPath, shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
-from m2wr_view.outlines import FLOOR, least_clearance
+from m2wr_view.outlines import FLOOR
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -125,6 +126,7 @@ class Comparison:
         self.obstacles = obstacle_outlines(self._world, FLOOR, robot.body.height, (self.start[0], self.start[1]))
         self.movers = movers_of(self._world, FLOOR, robot.body.height)
         self.robot, self.inscribed = robot, robot.body.inscribed_radius
+        self._clearances = Clearances(self.obstacles, robot.body.footprint)
         self._axle = robot.body.axle(self.start)
         self.optimum: ShortestPath = shortest_path(self.obstacles, self.inscribed, self._axle, self.goal)
         self._costmap = costmap_of(self.obstacles, np.array([self._axle, self.goal]), robot.body.turning_radius)
@@ -197,8 +199,7 @@ class Comparison:
         path = np.concatenate([[self._axle], self.robot.body.axles(run.poses)])
         left = float(np.hypot(*(path[-1] - self.goal)))
         length = float(np.sum(np.hypot(*np.diff(path, axis=0).T))) + left
-        clearance = min(least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance,
-                        run.moving_clearance)
+        clearance = min(self._clearances.least(run.poses), run.moving_clearance)
         return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
                      run.time, clearance, run.contacts, spent, run.met, run.struck)
 

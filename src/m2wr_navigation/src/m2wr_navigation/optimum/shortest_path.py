@@ -71,7 +71,7 @@ def shortest_path(obstacles: Sequence[Outline], radius: float, start: Vector, go
             *ends.tolist(), radius))
     for place, end in zip(("start", "goal"), ends):
         _check_end(obstacles, radius, place, end)
-    points, first, radii = _inflated(_outermost(obstacles), radius)
+    points, first, radii = inflated(_outermost(obstacles), radius)
     if len(points) > MOST_CORNERS:
         raise ValueError("the obstacles have {} corners; expected at most {}".format(len(points), MOST_CORNERS))
     circles = np.concatenate([np.column_stack((points, np.repeat(radii, np.diff(first)))),
@@ -106,8 +106,15 @@ def _outermost(obstacles: Sequence[Outline]) -> List[Outline]:
     return [obstacles[k] for k in kept]
 
 
-def _inflated(obstacles: Sequence[Outline], radius: float) -> Tuple[FloatArray, IndexArray, FloatArray]:
-    """Return the corners (N, 2), the index of each obstacle's first one (K + 1,), and the radii (K,)."""
+def inflated(obstacles: Sequence[Outline], radius: float) -> Tuple[FloatArray, IndexArray, FloatArray]:
+    """Return the corners (N, 2) [m], the index of each obstacle's first one (K + 1,), and the radii (K,) [m].
+
+    Parameters
+    ----------
+    obstacles : sequence of Outline
+    radius : float
+        By which each is widened [m].
+    """
     counts = [len(outline.vertices) for outline in obstacles]
     points = np.concatenate([np.zeros((0, 2))] + [outline.vertices for outline in obstacles])
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -56,8 +56,16 @@ def point_distance(points: FloatArray, begin: int, end: int, x: float, y: float)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _crosses(line: Tuple[float, float, float, float], ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether two segments cross."""
+def crosses(line: Tuple[float, float, float, float], ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether two segments cross.
+
+    Parameters
+    ----------
+    line : (float, float, float, float)
+        x, y of the ends of one [m].
+    ax, ay, bx, by : float
+        Of the ends of the other [m].
+    """
     px, py, qx, qy = line
     first = (qx - px) * (ay - py) - (qy - py) * (ax - px)
     second = (qx - px) * (by - py) - (qy - py) * (bx - px)
@@ -90,7 +98,7 @@ def is_line_free(points: FloatArray, first: IndexArray, radii: FloatArray,
             ax, ay, bx, by = points[j, 0], points[j, 1], points[after, 0], points[after, 1]
             if _point_to_edge(ax, ay, px, py, qx, qy) < needed * needed \
                     or _point_to_edge(px, py, ax, ay, bx, by) < needed * needed \
-                    or _point_to_edge(qx, qy, ax, ay, bx, by) < needed * needed or _crosses(line, ax, ay, bx, by):
+                    or _point_to_edge(qx, qy, ax, ay, bx, by) < needed * needed or crosses(line, ax, ay, bx, by):
                 return False
     return True
 
