@@ -13,7 +13,7 @@ from unittest import mock
 import numpy as np
 
 from m2wr_sim.api.loading import read_robot
-from m2wr_sim.geometry import Pose, quaternion_from_rpy
+from m2wr_sim.geometry import Pose, quaternion_from_rpy, rpy_from_quaternion
 from m2wr_sim.model.types import (
     Axis,
     Box,
@@ -29,7 +29,7 @@ from m2wr_sim.model.types import (
     Surface,
 )
 from m2wr_sim.physics import contacts, height_contacts
-from m2wr_sim.physics.engine import Engine, EngineSettings, LinkState
+from m2wr_sim.physics.engine import Engine, EngineSettings, LinkState, ModelHandle
 from m2wr_sim.physics.factory import make_engine
 
 STEPS = (1, 2, 5, 10)                                           # ms
@@ -43,6 +43,7 @@ BY_LIBODE = "heightmap, by libode"
 _LOWEST, _HIGHEST, _FINE = 0.2, 1.0, 0.01                       # m/s: of the search for a speed, and its resolution
 _CLIMB, _ROLL, _SETTLE, _CREEP, _DRIVE = 2.2, 1.5, 1.5, 1.0, 4.0        # s
 _FORCE, _BRAKE = 5.0, 50.0                                      # N m of m2wr's motors
+_SPEED = 0.5                                                    # m/s of its wheels, up a slope
 _START = 0.003                                                  # m: second start, for contacts depend on the place
 _ROUGH = Surface(mu=100.0, mu2=100.0)
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -92,7 +93,7 @@ def _mesh(slope: float, cells: Tuple[int, int]) -> Mesh:
 def _inclined(angle: float) -> Dict[str, Model]:
     """Return ground that rises along x by an angle [rad], of each kind."""
     slope = math.tan(angle)
-    lying = ((-0.5 * math.sin(-angle), 0.0, -0.5 * math.cos(angle)), quaternion_from_rpy(0.0, -angle, 0.0))
+    lying = ((0.5 * math.sin(angle), 0.0, -0.5 * math.cos(angle)), quaternion_from_rpy(0.0, -angle, 0.0))
     return {"box": _ground(Box((12.0, 2.0, 1.0)), lying),
             "heightmap, cells of 20 cm": _ground(_field(lambda x, y: slope * x + 0.0 * y, (12.0, 2.0), 0.2)),
             "heightmap, cells of 2 cm": _ground(_field(lambda x, y: slope * x + 0.0 * y, (12.0, 2.0), 0.02)),
@@ -189,6 +190,12 @@ def down(step_ms: int, ground: Model) -> Tuple[float, float]:
     return 1.0 - sum(value * value for value in state.linear_velocity) / due, abs(state.position[1])
 
 
+def _robot_on(engine: Engine, angle: float) -> ModelHandle:
+    """Add m2wr, which faces up a slope of an angle [rad]."""
+    return engine.add_model(read_robot("m2wr"), ((-0.1 * math.sin(angle), 0.0, 0.1 * math.cos(angle)),
+                                                 quaternion_from_rpy(0.0, -angle, 0.0)))
+
+
 def rest(step_ms: int, ground: Model) -> Tuple[float, float]:
     """Put m2wr with braked wheels on a slope.
 
@@ -204,10 +211,8 @@ def rest(step_ms: int, ground: Model) -> Tuple[float, float]:
     (float, float)
         How far it slides until it rests [m], and how fast it creeps then [m/s].
     """
-    up = (-math.sin(SLOPE), 0.0, math.cos(SLOPE))
     with _engine(step_ms, [ground]) as engine:
-        handle = engine.add_model(read_robot("m2wr"), ((0.1 * up[0], 0.0, 0.1 * up[2]),
-                                                       quaternion_from_rpy(0.0, -SLOPE, 0.0)))
+        handle = _robot_on(engine, SLOPE)
         for joint in handle.joints.values():
             engine.set_joint_motor(joint, 0.0, _BRAKE)
         places = [engine.link_state(handle.links["link_chassis"]).position]
@@ -231,55 +236,46 @@ def turn(linear: float, rate: float, merged: bool = True) -> float:
         if not merged:
             stack.enter_context(mock.patch.object(contacts, "MERGE_ALL", 0))
         engine = stack.enter_context(_engine(1, [_ground(Plane(size=(100.0, 100.0)))]))
-        handle = engine.add_model(read_robot("m2wr"), ((0.0, 0.0, 0.1), _UPRIGHT))
+        handle = _robot_on(engine, 0.0)
         # the wheel named left stands at y = -0.2, on the right
         for name, sign in (("joint_left_wheel", 1.0), ("joint_right_wheel", -1.0)):
             engine.set_joint_motor(handle.joints[name], (linear + sign * 0.5 * TRACK * rate) / RADIUS, _FORCE)
         engine.step(1000)
         chassis = handle.links["link_chassis"]
-        before, turned = _yaw(engine.link_state(chassis)), 0.0
+        before, turned = rpy_from_quaternion(engine.link_state(chassis).orientation)[2], 0.0
         for _ in range(int(_DRIVE / 0.1)):
             engine.step(100)
-            yaw = _yaw(engine.link_state(chassis))
+            yaw = rpy_from_quaternion(engine.link_state(chassis).orientation)[2]
             turned, before = turned + math.remainder(yaw - before, 2.0 * math.pi), yaw
     return turned / _DRIVE / rate
 
 
-def climb(angle: float, ground: Model, speed: float = 0.5) -> float:
-    """Let m2wr drive up or down a slope from rest for 1.5 s, at steps of 1 ms.
+def climb(angle: float, ground: Model) -> float:
+    """Let m2wr drive up a slope from rest for 1.5 s, at steps of 1 ms.
 
     Parameters
     ----------
     angle : float
         Of the slope [rad].
     ground : Model
-    speed : float
-        Of the wheels [m/s]; below 0: down.
 
     Returns
     -------
     float
         Its path, divided by that of its wheels.
     """
-    up = (-math.sin(angle), 0.0, math.cos(angle))
     with _engine(1, [ground]) as engine:
-        handle = engine.add_model(read_robot("m2wr"), ((0.1 * up[0], 0.0, 0.1 * up[2]),
-                                                       quaternion_from_rpy(0.0, -angle, 0.0)))
+        handle = _robot_on(engine, angle)
         chassis = handle.links["link_chassis"]
         for brake in (True, False):
             for joint in handle.joints.values():
-                engine.set_joint_motor(joint, 0.0 if brake else speed / RADIUS, _BRAKE if brake else _FORCE)
+                engine.set_joint_motor(joint, 0.0 if brake else _SPEED / RADIUS, _BRAKE if brake else _FORCE)
             place = engine.link_state(chassis).position
             turned = [engine.joint_angle(joint) for joint in handle.joints.values()]
             engine.step(int(1000.0 * _ROLL))
         way = RADIUS * float(np.mean([engine.joint_angle(joint) - before
                                       for joint, before in zip(handle.joints.values(), turned)]))
         return math.dist(place, engine.link_state(chassis).position) / abs(way)
-
-
-def _yaw(state: LinkState) -> float:
-    x, y, z, w = state.orientation
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _rows(title: str, heads: Sequence[str], rows: Sequence[Tuple[str, Sequence[str]]]) -> List[str]:
@@ -311,14 +307,15 @@ def report(steps: Optional[Sequence[int]] = None) -> str:
         (kind, ["{:.1f} %".format(100.0 * lost) for lost, _ in found]) for kind, found in rolls.items()])
     lines += _rows("drift aside [mm]", heads, [
         (kind, ["{:.1f}".format(1e3 * aside) for _, aside in found]) for kind, found in rolls.items()])
-    rests = {kind: [rest(step, ground) for step in steps] for kind, ground in _inclined(SLOPE).items()}
+    gentle, steep = _inclined(RAMP), _inclined(SLOPE)
+    rests = {kind: [rest(step, ground) for step in steps] for kind, ground in steep.items()}
     lines += _rows("braked m2wr on 20 degrees: creep [mm/s]", heads, [
         (kind, ["{:.4f}".format(1e3 * creep) for _, creep in found]) for kind, found in rests.items()])
     lines += _rows("the same, slid before [mm]", heads, [
         (kind, ["{:.1f}".format(1e3 * slid) for slid, _ in found]) for kind, found in rests.items()])
     lines += _rows("m2wr drives up for 1.5 s: path / that of its wheels", ["10 degrees", "20 degrees"], [
-        (kind, ["{:.2f}".format(climb(angle, _inclined(angle)[kind])) for angle in (RAMP, SLOPE)])
-        for kind in _inclined(RAMP)])
+        (kind, ["{:.2f}".format(climb(RAMP, gentle[kind])), "{:.2f}".format(climb(SLOPE, steep[kind]))])
+        for kind in gentle])
     return "\n".join(lines)
 
 
