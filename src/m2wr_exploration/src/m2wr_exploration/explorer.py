@@ -372,5 +372,5 @@ class Explorer:
 
 def _unknown_of(known: Costmap, points: FloatArray) -> FloatArray:
     """Return those points (N, 2) that are unknown in a map, and inside of it [m]."""
-    points = points[((known.cells(points) >= 0) & (known.cells(points) < np.array(known.shape))).all(axis=1)]
+    points = points[known.inside(known.cells(points))]
     return points[costs_at(known, points) == NO_INFORMATION]

@@ -63,7 +63,7 @@ def costs_at(costmap: Costmap, points: FloatArray) -> Uint8Array:
         [m]
     """
     cells = costmap.cells(points)
-    cells = cells[((cells >= 0) & (cells < np.array(costmap.shape))).all(axis=1)]
+    cells = cells[costmap.inside(cells)]
     return costmap.costs[cells[:, 0], cells[:, 1]]
 
 

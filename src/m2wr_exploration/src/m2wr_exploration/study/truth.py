@@ -57,7 +57,7 @@ def explored_share(truth: Costmap, wanted: BoolArray, known: Costmap) -> Tuple[f
     rows, columns = np.nonzero(wanted)
     centres = (np.stack([columns, rows], -1) + 0.5) * truth.resolution + truth.origin
     cells = known.cells(centres)
-    inside = ((cells >= 0) & (cells < np.array(known.shape))).all(axis=1)
+    inside = known.inside(cells)
     costs = known.costs[cells[inside, 0], cells[inside, 1]]
     area = len(rows) * truth.resolution ** 2
     return float(np.count_nonzero(costs != NO_INFORMATION)) / max(1, len(rows)), area

@@ -112,7 +112,7 @@ def costs_along(costmap: Costmap, plan: FloatArray) -> Any:
         [m, m, rad], N >= 1.
     """
     cells = costmap.cells(samples(plan))
-    inside = ((cells >= 0) & (cells < costmap.shape)).all(-1)
+    inside = costmap.inside(cells)
     costs = np.full(len(cells), NO_INFORMATION, np.uint8)
     costs[inside] = costmap.costs[cells[inside, 0], cells[inside, 1]]
     return costs

@@ -271,8 +271,7 @@ def _dense_cells(costmap: Costmap, points: FloatArray) -> IndexArray:
     wanted = np.append(np.arange(0.0, along[-1], 0.5 * costmap.resolution), along[-1])
     dense = np.column_stack([np.interp(wanted, along, places[:, k]) for k in (0, 1)])
     cells = costmap.cells(dense)
-    inside = ((cells >= 0) & (cells < costmap.costs.shape)).all(axis=1)
-    return np.ascontiguousarray(cells[inside])
+    return np.ascontiguousarray(cells[costmap.inside(cells)])
 
 
 def explained(reasons: IndexArray, places: FloatArray) -> str:

@@ -271,7 +271,7 @@ class TrajectoryPlanner(SamplingController):
         then = self._poses_after(situation, samples, self.values["sim_time"])
         points = then[:, :2] + nose * np.stack([np.cos(then[:, 2]), np.sin(then[:, 2])], -1)
         cells = costmap.cells(points)
-        inside = ((cells >= 0) & (cells < costmap.costs.shape)).all(axis=1)
+        inside = costmap.inside(cells)
         found = np.full(len(samples), math.inf)
         found[inside] = self._grids[1][cells[inside, 0], cells[inside, 1]]
         return found

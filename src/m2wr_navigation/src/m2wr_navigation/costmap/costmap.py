@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array, Vector
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Uint8Array, Vector
 
 
 @dataclass
@@ -96,6 +96,10 @@ class Costmap:
         """Return (row, column) (N, 2) of the cells that hold points (N, 2) [m]; outside cells are not clipped."""
         offset = (np.asarray(points, float)[:, :2] - self.origin) / self.resolution
         return np.floor(offset).astype(np.int64)[:, ::-1]
+
+    def inside(self, cells: IndexArray) -> BoolArray:
+        """Return which (N,) of some cells (N, 2), as of :meth:`cells`, are in the costmap."""
+        return np.asarray(((cells >= 0) & (cells < self.costs.shape)).all(axis=1))
 
     def centre(self, row: int, column: int) -> Tuple[float, float]:
         """Return x, y of the centre of a cell [m].
