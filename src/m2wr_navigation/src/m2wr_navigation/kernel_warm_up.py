@@ -95,12 +95,13 @@ def compile_controller_kernels() -> None:
 
 
 def compile_method_kernels() -> None:
-    """Let the methods with kernels take some decisions: an obstacle is in sight, again, and gone."""
-    for name in ("mppi", "dwa"):
+    """Let the methods with kernels take some decisions: an obstacle is in sight, again, and gone; and hit one."""
+    for name in ("mppi", "dwa", "bug2"):
         kind = registry.find(registry.METHODS, name)
-        method = kind(read(kind.PARAMETERS, {"samples": 10}, name)[0])
+        given = {"samples": 10} if "samples" in kind.PARAMETERS else {}
+        method = kind(read(kind.PARAMETERS, given, name)[0])
         method.begin((1.0, 0.0))
-        for time, reading in ((0.0, 2.0), (1.0, 2.0), (2.0, 4.0)):
+        for time, reading in ((0.0, 2.0), (1.0, 2.0), (2.0, 4.0), (3.0, 0.3)):
             method.step(Sensing(time, (0.0, 0.0, 0.0), (0.0, 0.0), np.full(10, reading, np.float32), -1.0, 0.2))
 
 

@@ -45,14 +45,15 @@ def test_planners_compile_nothing_after_the_warm_up(name, side):
     assert compiled() == before
 
 
-def test_a_drive_by_mppi_compiles_nothing_after_the_warm_up():
+@pytest.mark.parametrize("name, given", [("mppi", {"samples": 10}), ("bug2", {})])
+def test_a_drive_compiles_nothing_after_the_warm_up(name, given):
     compile_kernels()
     before = compiled()
-    kind = registry.find(registry.METHODS, "mppi")
-    method = kind(read(kind.PARAMETERS, {"samples": 10}, "mppi")[0])
+    kind = registry.find(registry.METHODS, name)
+    method = kind(read(kind.PARAMETERS, given, name)[0])
     method.begin((5.0, 0.0))
     for k in range(40):
         ranges = np.full(90, 6.0, np.float32)
-        ranges[k:k + 20] = 2.0
+        ranges[k:k + 20] = 2.0 - 0.04 * k
         method.step(Sensing(0.1 * k, (0.0, 0.0, 0.0), (0.0, 0.0), ranges, -1.0, 2.0 / 90))
     assert compiled() == before

@@ -98,6 +98,10 @@ class Surroundings:
         if self._pose is not None and math.hypot(pose[0] - self._pose[0], pose[1] - self._pose[1]) > TELEPORT:
             self.points = np.empty((0, 2))
         self._pose = pose
+        self.points = self._points_after(readings, angle_min, angle_increment, pose)
+
+    def _points_after(self, readings: FloatArray, angle_min: float, angle_increment: float, pose: Pose) -> FloatArray:
+        """Return the points after a scan, in the order of their cells, one in each."""
         cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
         ahead, left = self._laser
         laser_x, laser_y = pose[0] + ahead * cos_yaw - left * sin_yaw, pose[1] + ahead * sin_yaw + left * cos_yaw
@@ -113,7 +117,7 @@ class Surroundings:
         points[:len(local_x), 0] = laser_x + cos_yaw * local_x - sin_yaw * local_y
         points[:len(local_x), 1] = laser_y + sin_yaw * local_x + cos_yaw * local_y
         points[len(local_x):] = kept
-        self.points = points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
+        return points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
 
     def nearest(self, x: float, y: float) -> Tuple[float, Optional[FloatArray]]:
         """Return the distance [m] and the coordinates (2,) of the nearest stored point; (inf, None) without points.

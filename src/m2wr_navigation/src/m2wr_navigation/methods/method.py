@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from m2wr_navigation.methods.body import M2WR, RobotBody
+from m2wr_navigation.methods.compiled_surroundings import CompiledSurroundings
 from m2wr_navigation.parameters import Configurable, Parameter
-from motion_plan.surroundings import KEEP_RANGE, Surroundings
+from motion_plan.surroundings import KEEP_RANGE
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
+    from motion_plan.surroundings import Surroundings
 
 RUNNING, REACHED, UNREACHABLE, STUCK = "running", "reached", "unreachable", "stuck"
 TURN_ON_SPOT = 0.6          # rad: with a larger error of the heading the robot turns without driving
@@ -161,7 +163,7 @@ class Method(Configurable, ABC):
         """Begin with a new goal; for methods with a state."""
 
     def _new_surroundings(self) -> Surroundings:
-        return Surroundings(self.body.laser[:2], self.body.own_parts, self.values["sight"])
+        return CompiledSurroundings(self.body.laser[:2], self.body.own_parts, self.values["sight"])
 
     @property
     def radius(self) -> float:
