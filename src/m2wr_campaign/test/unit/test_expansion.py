@@ -1,14 +1,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A study gives the same runs, with the same keys and seeds, in every process."""
-import pytest
+import os
+import shutil
 
+import numpy as np
+import pytest
+import rospkg
+
+from m2wr_campaign.study.content import content_of
 from m2wr_campaign.study.expansion import all_tasks, balanced, with_noise
 from m2wr_campaign.study.fields import StudyError
 from m2wr_campaign.study.study_file import read_study
 from m2wr_sim.api import read_robot
+from m2wr_sim.model.types import Heightmap
 
 TEXT = "study: one\nseed: {}\nrepeats: 2\nworlds: [{{file: world02, start: [0, 8], goal: [0, -4]}}, " \
     "{{generator: maze, count: 2, parameters: {{cells: 3}}}}]\nmethods: [bug2, dwa]\nnoise: [0.0, 0.02]\n"
+M2WR = os.path.join(rospkg.RosPack().get_path("m2wr_description"), "urdf", "m2wr.xacro")
+POST = "v 4 0 0\nv 5 0 0\nv 4 1 0\nv 4 0 {}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+WORLD = "<sdf version='1.6'><world name='w'><model name='post'><static>true</static><link name='l'>" \
+    "<collision name='c'><geometry><mesh><uri>file://{}/post.obj</uri></mesh></geometry></collision></link></model>" \
+    "</world></sdf>"
 
 
 def tasks(tmp_path, text, *kept):
@@ -22,6 +34,30 @@ def test_each_run_has_its_own_key(tmp_path):
     assert len({task.key for task in one}) == len(one) == 3 * 2 * 2 * 2
     other = tasks(tmp_path, TEXT.format(4))
     assert not {task.key for task in one} & {task.key for task in other}
+
+
+def test_keys_do_not_depend_on_the_place_of_files(tmp_path):
+    text = TEXT.replace("file: world02", "file: one.world") + "robots: [one.xacro]\n"
+    keys = []
+    for name, top in (("here", 0.5), ("there", 0.5), ("other", 0.6)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "one.world").write_text(WORLD.format(folder))
+        (folder / "post.obj").write_text(POST.format(top))
+        shutil.copy(M2WR, folder / "one.xacro")
+        keys.append([task.key for task in tasks(folder, text.format(3)) if task.world.kind == "file"])
+    assert len(keys[0]) == 8 and keys[0] == keys[1] and not set(keys[0]) & set(keys[2])
+
+
+def test_contents_of_arrays_count_wholly():
+    heights = np.zeros((100, 100))
+    other = heights.copy()
+    other[50, 50] = 1e-9
+    one, same, two = (content_of(Heightmap(array, source=name)) for array, name in (
+        (heights, "a.png"), (heights.copy(), "b.png"), (other, "a.png")))
+    assert one == same != two
+    with pytest.raises(TypeError, match="a set in a model"):
+        content_of(({1},))
 
 
 def test_only_methods_share_a_seed(tmp_path):

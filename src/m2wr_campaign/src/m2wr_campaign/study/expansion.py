@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Callable, Dict, Iterator, List, Optional, Sequence
 
+from m2wr_campaign.study.content import content_of
 from m2wr_campaign.study.factors import RunTask, StudyRobot, StudyWorld, key_of
 from m2wr_campaign.study.fields import StudyError
 from m2wr_campaign.worlds.generators import generate
@@ -126,8 +127,9 @@ def _from_file(study: Study, entry: WorldEntry, radius: float) -> StudyWorld:
         start = (entry.start + (0.0,))[:3]                  # type: ignore[assignment]
         goal = entry.goal                                   # type: ignore[assignment]
     label = entry.file.rsplit("/", 1)[-1]
-    return StudyWorld(key_of(repr(world), start, goal), label[:-len(".world")] if label.endswith(".world") else label,
-                      "file", (), 0, "", world, start, goal)
+    if label.endswith(".world"):
+        label = label[:-len(".world")]
+    return StudyWorld(key_of(content_of(world), start, goal), label, "file", (), 0, "", world, start, goal)
 
 
 def _robot(study: Study, entry: RobotEntry) -> StudyRobot:
@@ -139,7 +141,7 @@ def _robot(study: Study, entry: RobotEntry) -> StudyRobot:
     label = entry.file.rsplit("/", 1)[-1]
     if len(study.robots) > 1:
         label += " {:g} m/s {:g} rad/s".format(entry.max_vel_x, entry.max_vel_theta)
-    return StudyRobot(key_of(repr(model), entry.max_vel_x, entry.max_vel_theta), label, robot)
+    return StudyRobot(key_of(content_of(model), entry.max_vel_x, entry.max_vel_theta), label, robot)
 
 
 def with_noise(model: Model, stddev: float) -> Model:
