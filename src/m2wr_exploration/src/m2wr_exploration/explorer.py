@@ -284,6 +284,9 @@ class Explorer:
             messages += self._once("frontiers more than max_distance, {:g} m, from the start are not explored".format(
                 self.values["max_distance"]))
         allowed = [frontier for frontier in inside if self.aside.allows(now, frontier)]
+        if not allowed:         # time opens ways; it does not show more to a sensor
+            allowed = [frontier for frontier in inside if self.aside.may_later(frontier)
+                       and self.aside.reason(frontier) == LOOKED]
         if not allowed:
             return self._nothing_left(now, inside, messages, costmap, len(others))
         self._empty_since = None

@@ -120,9 +120,11 @@ def test_a_hole_that_shrinks_is_looked_at_again():
     assert np.count_nonzero(world.known.costs == 255) < 8       # smaller than the smallest frontier, of 200 at first
 
 
-def test_a_hole_that_stays_is_set_aside():
+def test_a_hole_that_stays_is_tried_again_without_a_pause():
+    """Only time opens a door, but a sensor sees no more after a pause of ``retry_after``, 1e6 s."""
     decisions, _ = holed(0.0)
-    assert any("shows nothing new" in text for text in texts(decisions))
+    tries = [text for text in texts(decisions) if "shows nothing new" in text and "set aside" in text]
+    assert len(tries) == 3 and len(decisions) < 60
 
 
 def test_exploration_ends_although_frontiers_come_and_go():
