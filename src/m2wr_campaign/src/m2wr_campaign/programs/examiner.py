@@ -27,6 +27,7 @@ from tf2_msgs.msg import TFMessage
 from gazebo_msgs.srv import SetModelState, SetModelStateResponse, SpawnModel, SpawnModelResponse
 from m2wr_campaign.programs.containment import ContainedProgram
 from m2wr_campaign.programs.output import last_error
+from m2wr_campaign.programs.patience import Patience
 from m2wr_campaign.runner.one_run import FAILED, RunError, perform_here
 from m2wr_campaign.runner.pool import end_with_parent
 from m2wr_navigation.methods.method import REACHED, Decision
@@ -41,8 +42,6 @@ SPAWNING = "/gazebo/spawn_urdf_model", "/gazebo/spawn_sdf_model"
 FRAMES = "odom", "link_chassis", "sensor_laser"
 ARRIVED = 0.35              # m: the report's go_to_point stops 0.3 m before its goal
 STARTING = 60.0             # s of wall time until the program has to be connected
-ANSWER = 1.0                # s of wall time: so long the simulation waits for a program that answers each scan
-OTHERWISE = 0.02            # s of wall time: the same for a program that does not
 SHARE = 0.9                 # of time_limit: then the run ends itself, and keeps its path and log
 LARGEST_LAUNCH = 1_000_000  # bytes
 
@@ -154,7 +153,7 @@ class Commands:
 
     def __init__(self, ros: RosSide, program: ContainedProgram, task: RunTask) -> None:
         self._ros, self._program, self._task = ros, program, task
-        self._answers, self._until = True, time.monotonic() + SHARE * task.time_limit
+        self._patience, self._until = Patience(), time.monotonic() + SHARE * task.time_limit
 
     def __call__(self, result: StepResult) -> Decision:
         body, goal = self._task.robot.robot.body, self._task.world.goal
@@ -165,7 +164,9 @@ class Commands:
         count = self._ros.count
         self._ros.publish(result)
         # one that answers each scan gets the time that it needs, and so the same result on every machine
-        self._answers = self._ros.wait_beyond(count, ANSWER if self._answers and count else OTHERWISE)
+        answered = self._ros.wait_beyond(count, self._patience.seconds(count > 0))
+        if self._ros.count:
+            self._patience.note(answered)
         if time.monotonic() > self._until:
             raise RunError("no result after {:.0f} s of wall time: at {:.2f} s of simulated time it is {:.2f} m from "
                            "the goal".format(SHARE * self._task.time_limit, result.time, away))
