@@ -39,3 +39,12 @@ def test_after_a_reset_of_the_simulation_nothing_old_is_used():
     take(0.02)
     assert node._restarted and node._cloud is None and not node._imu
     assert [message.header.stamp.to_sec() for message in node._odometry] == [0.02]
+
+
+def test_the_time_of_a_cloud_leaves_out_the_start(monkeypatch):
+    node = object.__new__(ElevationNode)
+    node.__dict__.update(_clouds=1, _used=3.0)
+    assert node.used() == "1 clouds were mapped"
+    monkeypatch.setattr("m2wr_elevation.ros.elevation_node.time.process_time", lambda: 5.0)
+    node._clouds = 101
+    assert node.used() == "101 clouds were mapped, 20.0 ms of processor time each: 0.20 of a core at 10 Hz"
