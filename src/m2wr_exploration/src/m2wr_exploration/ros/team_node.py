@@ -2,6 +2,8 @@
 """``explore_team``: several robots explore one world; maps merged, frontiers auctioned, right of way by number."""
 from __future__ import annotations
 
+import math
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -57,6 +59,8 @@ NODE: Dict[str, Parameter] = {
     "endless_range": Parameter(0.0, "m", 0.0, 1000.0, "range that the mappers get of beams without an end; between "
                                "maxUrange and maxRange, such beams clear space. 0: infinite, as measured; mappers "
                                "ignore them"),
+    "real_time_factor": Parameter(-1.0, "", -1.0, 1000.0, "of the simulation, for a warning if it is too fast for this "
+                                  "machine; 0: as fast as possible; -1: not known, no warning"),
     "strategy": text("tour", "which frontier is next, for a robot that is alone: " + ", ".join(registry.STRATEGIES)),
     "map": text("", "map to write at the end, without extension, relative to the working directory of roslaunch; "
                 "empty: none"),
@@ -66,6 +70,26 @@ NODE: Dict[str, Parameter] = {
 RATE = 20.0                 # Hz: of commands, as of the odometry
 PERIOD = 0.1                # s in which a command may still be in force
 SHOWN_EVERY = 4             # commands: teammates are shown in local costmaps at 5 Hz
+CORES_EACH = 0.45           # of a robot with mapper and move_base at real time: 2 need 1.0, 4 need 1.7 (measured)
+
+
+def too_fast(robots: int, factor: float, cores: int) -> str:
+    """Return a warning if a machine is too slow for the nodes of the robots, or an empty string.
+
+    Parameters
+    ----------
+    robots : int
+    factor : float
+        Simulated seconds in a second; 0: as many as possible; negative: not known.
+    cores : int
+        Of this machine.
+    """
+    fits = cores / (CORES_EACH * robots)
+    if factor < 0.0 or 0.0 < factor <= fits:
+        return ""
+    return "{} robots need about {:.1f} processor cores at real time, and there are {}: with real_time_factor {:g} " \
+        "their maps may be wrong; use real_time_factor:={:g}".format(
+            robots, CORES_EACH * robots, cores, factor, max(0.1, math.floor(10.0 * fits) / 10.0))
 
 
 class TeamError(ValueError):
@@ -87,6 +111,9 @@ class TeamNode:
             rospy.logwarn("%s", warning)
         if given.get("robots", self.values["robots"]) != self.values["robots"]:
             raise TeamError("parameter ~robots is {!r}; expected a whole number from 1 to 8".format(given["robots"]))
+        warning = too_fast(self.values["robots"], self.values["real_time_factor"], len(os.sched_getaffinity(0)))
+        if warning:
+            rospy.logwarn("%s", warning)
         self.names = ["{}{}".format(self.values["robot_name"], number + 1) for number in range(self.values["robots"])]
         try:
             self._starts = [init_pose(rospy.get_param("/{}/map_merge".format(name), {}), "/" + name)
