@@ -10,12 +10,14 @@ from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.rendering import camera
 from m2wr_sim.sensors import laser
+from m2wr_sim.sensors.coverage_kernels import mark_crossed
 
 
 def warm_up(engine_kind: str = "auto") -> None:
     """Run the kernels of rays and pictures and the loop of an engine once, on a small world."""
     laser.warm_up(np.random.default_rng(0))
     camera.warm_up()
+    mark_crossed(np.ones(1), np.ones((1, 2)), 0.5, np.zeros(2), np.zeros((2, 2), bool), np.zeros((1, 1), np.int64))
     engine = make_engine(engine_kind, EngineSettings())
     try:
         for name, geometry, static in (("floor", Plane(), True), ("box", Box((1.0, 1.0, 1.0)), False),

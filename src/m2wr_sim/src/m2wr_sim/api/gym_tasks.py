@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple, Union
 import numpy as np
 
 from m2wr_sim.api.gym_base import RobotEnv
+from m2wr_sim.sensors.coverage_kernels import mark_crossed
 
 if TYPE_CHECKING:
     import os
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from m2wr_sim.api.gym_base import Bounds, Observed
-    from m2wr_sim.api.records import Scan, StepResult
+    from m2wr_sim.api.records import StepResult
     from m2wr_sim.model.types import Model, World
 
 WALL_REWARD, CELL_REWARD, CONTACT_REWARD = 1.0, 0.05, -10.0     # each metre at the wall, each cell, a contact
@@ -120,7 +121,8 @@ class ExplorationEnv(RobotEnv):
         self._shape = self.PARTS * per_part[0], self.PARTS * per_part[1]
         self._known: NDArray[np.bool_] = np.zeros(self._shape, bool)
         self._scale = np.array([self._shape[1] / wide, self._shape[0] / high])
-        self._shares: NDArray[np.float64] = np.arange(0.5, float(self._range_max) / cell) * cell     # along a beam [m]
+        self._in_parts: NDArray[np.int64] = np.zeros((self.PARTS, self.PARTS), np.int64)    # known cells in each
+        self._spacing = cell
         groups = self._sim.lasers()[0].angles.reshape(self._beams, -1).mean(axis=1)
         self._beam_cosines, self._beam_sines = np.cos(groups), np.sin(groups)
 
@@ -133,39 +135,32 @@ class ExplorationEnv(RobotEnv):
 
     def _begin(self, result: StepResult) -> None:
         self._known[:] = False
+        self._in_parts[:] = 0
         self._look(result)
 
     def _look(self, result: StepResult) -> int:
-        """Mark the cells that the beams cross, and return how many of them were unknown."""
-        scan, before = result.scan, int(np.count_nonzero(self._known))
-        assert scan is not None
-        self._known.ravel()[self._crossed(scan, result.pose)] = True
-        return int(np.count_nonzero(self._known)) - before
-
-    def _crossed(self, scan: Scan, pose: Tuple[float, float, float]) -> NDArray[np.int64]:
-        """Return the numbers of the cells of the area that beams cross, row after row.
+        """Mark the cells that the beams cross, and return how many of them were unknown.
 
         As in the observation, one beam stands for each group: the shortest.
         """
-        ranges = scan.ranges.reshape(self._beams, -1).min(axis=1)
-        cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-        along_x = self._scale[0] * (cosine * self._beam_cosines - sine * self._beam_sines)
-        along_y = self._scale[1] * (sine * self._beam_cosines + cosine * self._beam_sines)
-        columns = self._shares * along_x[:, None] + self._scale[0] * (pose[0] - self._area[0])
-        rows = self._shares * along_y[:, None] + self._scale[1] * (pose[1] - self._area[2])
-        seen = ((self._shares < ranges[:, None]) & (rows >= 0.0) & (rows < self._shape[0])
-                & (columns >= 0.0) & (columns < self._shape[1]))
-        return rows[seen].astype(np.int64) * self._shape[1] + columns[seen].astype(np.int64)
+        scan, (x, y, yaw) = result.scan, result.pose
+        assert scan is not None
+        ranges = np.minimum(scan.ranges.reshape(self._beams, -1).min(axis=1), self._range_max).astype(np.float64)
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        along = self._scale * np.column_stack((cosine * self._beam_cosines - sine * self._beam_sines,
+                                               sine * self._beam_cosines + cosine * self._beam_sines))
+        start = self._scale * (x - self._area[0], y - self._area[2])
+        return mark_crossed(ranges, along, self._spacing, start, self._known, self._in_parts)
 
     def _judge(self, result: StepResult) -> Tuple[float, bool]:
         collided = bool(result.contacts)
         return CELL_REWARD * self._look(result) + (CONTACT_REWARD if collided else 0.0), collided
 
     def _seen(self, result: StepResult) -> Observed:
-        parts = self._known.reshape(self.PARTS, self._shape[0] // self.PARTS, self.PARTS, -1)
+        shares = self._in_parts.ravel() / (self._known.size / self._in_parts.size)
         pose = np.clip(np.array(result.pose, np.float32), *(
             getattr(self.observation_space["pose"], name) for name in ("low", "high")))
-        return {"pose": pose, "known": parts.mean(axis=(1, 3), dtype=np.float32).ravel()}
+        return {"pose": pose, "known": shares.astype(np.float32)}
 
     def _info(self, result: StepResult) -> Dict[str, Any]:
-        return dict(super()._info(result), explored=float(self._known.mean()))
+        return dict(super()._info(result), explored=float(self._in_parts.sum() / self._known.size))
