@@ -32,10 +32,10 @@ def test_what_cannot_be_used_is_refused_with_a_reason(monkeypatch, given, words)
 
 
 @pytest.mark.parametrize("robots, factor, cores, words", [
-    (4, 1.0, 2, ""), (8, 0.5, 2, ""), (8, -1.0, 2, ""), (8, 1.0, 8, ""),
-    (8, 1.0, 2, "8 robots need about 3.6 processor cores at real time, and there are 2: with real_time_factor 1 "
-                "their maps may be wrong; use real_time_factor:=0.5"),
-    (2, 0.0, 2, "with real_time_factor 0 their maps may be wrong; use real_time_factor:=2.2")])
+    (4, 1.0, 2, ""), (8, 0.4, 2, ""), (8, -1.0, 2, ""), (8, 1.0, 8, ""),
+    (8, 1.0, 2, "8 robots need about 4.3 processor cores at real time, and there are 2: with real_time_factor 1 "
+                "their maps may be wrong; use real_time_factor:=0.4"),
+    (2, 0.0, 2, "with real_time_factor 0 their maps may be wrong; use real_time_factor:=2.3")])
 def test_a_machine_that_is_too_slow_is_named(robots, factor, cores, words):
     assert too_fast(robots, factor, cores).endswith(words) and bool(too_fast(robots, factor, cores)) == bool(words)
 

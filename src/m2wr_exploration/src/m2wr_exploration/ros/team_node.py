@@ -70,7 +70,8 @@ NODE: Dict[str, Parameter] = {
 RATE = 20.0                 # Hz: of commands, as of the odometry
 PERIOD = 0.1                # s in which a command may still be in force
 SHOWN_EVERY = 4             # commands: teammates are shown in local costmaps at 5 Hz
-CORES_EACH = 0.45           # of a robot with mapper and move_base at real time: 2 need 1.0, 4 need 1.7 (measured)
+#: Of a robot with mapper and move_base at real time, and of each other robot for it. Measured: 2 need 1.0, 4 1.7, 8 4.5
+CORES_EACH, CORES_OTHER = 0.4, 0.02
 
 
 def too_fast(robots: int, factor: float, cores: int) -> str:
@@ -84,12 +85,13 @@ def too_fast(robots: int, factor: float, cores: int) -> str:
     cores : int
         Of this machine.
     """
-    fits = cores / (CORES_EACH * robots)
+    needed = robots * (CORES_EACH + CORES_OTHER * (robots - 1))
+    fits = cores / needed
     if factor < 0.0 or 0.0 < factor <= fits:
         return ""
     return "{} robots need about {:.1f} processor cores at real time, and there are {}: with real_time_factor {:g} " \
         "their maps may be wrong; use real_time_factor:={:g}".format(
-            robots, CORES_EACH * robots, cores, factor, max(0.1, math.floor(10.0 * fits) / 10.0))
+            robots, needed, cores, factor, max(0.1, math.floor(10.0 * fits) / 10.0))
 
 
 class TeamError(ValueError):
