@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Following a wall pays at the wanted distance; exploring pays for each cell once."""
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="the optional Python package gymnasium is not installed")
 
+from m2wr_sim.api import read_robot  # noqa: E402
 from m2wr_sim.api.gym_tasks import ExplorationEnv, WallFollowingEnv  # noqa: E402
 
 WALL = """<sdf version="1.6"><world name="w"><model name="ground"><static>true</static><link name="link">
@@ -75,6 +77,17 @@ def test_a_new_episode_knows_nothing():
     again = env.reset(seed=1, options=start)[1]["explored"]
     env.close()
     assert again == first
+
+
+def test_the_range_of_the_laser_does_not_bound_the_time_of_a_step():
+    model = read_robot("m2wr")
+    links = tuple(replace(link, sensors=tuple(
+        sensor if sensor.ray is None else replace(sensor, ray=replace(sensor.ray, range_max=1e12))
+        for sensor in link.sensors)) for link in model.links)
+    env = ExplorationEnv(WALL.format(y=-0.8), replace(model, links=links), step=0.01)
+    _, info = env.reset(seed=1, options={"start": (0.0, 0.0, math.pi / 2)})
+    env.close()
+    assert 0.4 < info["explored"] < 0.6                     # all that is ahead, in a part of a second
 
 
 @pytest.mark.parametrize("kind, options, text", [

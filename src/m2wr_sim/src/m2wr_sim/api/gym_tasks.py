@@ -145,7 +145,10 @@ class ExplorationEnv(RobotEnv):
         """
         scan, (x, y, yaw) = result.scan, result.pose
         assert scan is not None
-        ranges = np.minimum(scan.ranges.reshape(self._beams, -1).min(axis=1), self._range_max).astype(np.float64)
+        (left, right), (low, high) = self._area[:2], self._area[2:]
+        far = math.hypot(max(abs(x - left), abs(x - right)), max(abs(y - low), abs(y - high)))      # no cell is beyond
+        ranges = np.minimum(scan.ranges.reshape(self._beams, -1).min(axis=1), min(float(self._range_max), far)).astype(
+            np.float64)
         cosine, sine = math.cos(yaw), math.sin(yaw)
         along = self._scale * np.column_stack((cosine * self._beam_cosines - sine * self._beam_sines,
                                                sine * self._beam_cosines + cosine * self._beam_sines))
