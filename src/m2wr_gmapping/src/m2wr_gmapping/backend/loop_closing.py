@@ -15,12 +15,12 @@ from m2wr_gmapping.backend.loop_graph import (
     is_within,
     link_of,
 )
-from m2wr_gmapping.backend.occlusion import occlusion_conflict
+from m2wr_gmapping.backend.occlusion import is_contradicted
 from m2wr_gmapping.backend.step_history import turned_step
 from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.se2 import between, compose, inverse
-from m2wr_gmapping.tuning import DRIFT, LOOPS, OCCLUSION, SEARCH
+from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -194,8 +194,9 @@ class LoopCloser:
         """Search within the drift of the newest node; return whether loop closures were found that move the path.
 
         A wrong loop closure is worse than a missing one. The place must be unique, the match must observe both
-        directions, and no scan may look through a wall that another one saw. If the place does not agree with the path,
-        it is a candidate. Candidates that agree with each other are accepted together once they have enough evidence.
+        directions, and no scan may look through a wall that another one saw, or see its other side. If the place does
+        not agree with the path, it is a candidate. Candidates that agree with each other are accepted together once
+        they have enough evidence.
         """
         path, here = scene.path, scene.along[-1]
         self._wide_at = here
@@ -229,7 +230,7 @@ class LoopCloser:
         if found is None or place is None:
             return None
         node, row, around, supported = found
-        if occlusion_conflict(scene, row[:3], around) > OCCLUSION.most_conflict:
+        if is_contradicted(scene, row[:3], around):
             return None
         slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = supported

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
+from m2wr_gmapping.backend.occlusion import is_contradicted
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
@@ -222,9 +223,12 @@ class LoopGraph:
             self._matcher, self._resolution, scene, near, pose, reach)
         if found is None:
             return None, None, False
-        node, row, _, supported = found
+        node, row, around, supported = found
+        change = change_of(scene.path, row[:3])
+        if not is_within(change, SEARCH.local) and is_contradicted(scene, row[:3], around):
+            return None, None, False
         # along a plain wall the scan fits best where old scans saw all of the wall, and a second search agrees
-        moved = bool((change_of(scene.path, row[:3])[:2] > SEARCH.local[0]).any())
+        moved = bool((change[:2] > SEARCH.local[0]).any())
         slides = slides or ((reach > 0.0 or moved) and not is_observed(row))
         row[mk.INFORMATION:] = supported
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from m2wr_gmapping.backend.facing import opposite_share
 from m2wr_gmapping.frontend.occlusion import conflict_of
 from m2wr_gmapping.se2 import between, compose
-from m2wr_gmapping.tuning import LINKS, SEARCH
+from m2wr_gmapping.tuning import LINKS, OCCLUSION, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -37,3 +38,15 @@ def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> fl
     moved = compose(pose, between(path[-1], path[nodes]))
     return conflict_of((here, readings[node], path[other], readings[other])
                        for here, node in zip(moved, nodes) for other in around[:4 * LINKS.looks:4]).share
+
+
+def is_contradicted(scene: Scene, pose: FloatArray, around: IndexArray) -> bool:
+    """Return whether scans look through walls of one another at a place, or see walls from both sides as one.
+
+    Parameters
+    ----------
+    scene, pose, around
+        As for :func:`occlusion_conflict`.
+    """
+    return (occlusion_conflict(scene, pose, around) > OCCLUSION.most_conflict
+            or opposite_share(scene, pose, around) > OCCLUSION.most_conflict)

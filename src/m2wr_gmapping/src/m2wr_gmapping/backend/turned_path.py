@@ -16,7 +16,7 @@ import numpy as np
 
 from m2wr_gmapping.backend import place_search
 from m2wr_gmapping.backend.loop_graph import is_observed, is_within, link_of
-from m2wr_gmapping.backend.occlusion import occlusion_conflict
+from m2wr_gmapping.backend.occlusion import is_contradicted
 from m2wr_gmapping.backend.place_query import evenly, wide_query
 from m2wr_gmapping.backend.place_search import near_places
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -164,7 +164,7 @@ class TurnedPath:
         if found is None or place is None:
             return None
         nearest, row, around, supported = found
-        if not is_observed(row) or occlusion_conflict(scene, row[:3], around) > OCCLUSION.most_conflict \
+        if not is_observed(row) or is_contradicted(scene, row[:3], around) \
                 or self._is_explained(path, along, readings, node, place.score):
             return None
         pose = row[:3].copy()
