@@ -79,7 +79,7 @@ def test_a_new_episode_knows_nothing():
     assert again == first
 
 
-def test_the_range_of_the_laser_does_not_bound_the_time_of_a_step():
+def test_a_far_reaching_laser_does_not_slow_a_step_down():
     model = read_robot("m2wr")
     links = tuple(replace(link, sensors=tuple(
         sensor if sensor.ray is None else replace(sensor, ray=replace(sensor.ray, range_max=1e12))
