@@ -102,9 +102,7 @@ class Surroundings:
 
     def _points_after(self, readings: FloatArray, angle_min: float, angle_increment: float, pose: Pose) -> FloatArray:
         """Return the points after a scan, in the order of their cells, one in each."""
-        cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
-        ahead, left = self._laser
-        laser_x, laser_y = pose[0] + ahead * cos_yaw - left * sin_yaw, pose[1] + ahead * sin_yaw + left * cos_yaw
+        (ahead, left), (laser_x, laser_y, cos_yaw, sin_yaw) = self._laser, self._laser_at(pose)
         kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
         near = (readings < self._keep_range).nonzero()[0]
         distance = readings[near]
@@ -118,6 +116,13 @@ class Surroundings:
         points[:len(local_x), 1] = laser_y + sin_yaw * local_x + cos_yaw * local_y
         points[len(local_x):] = kept
         return points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
+
+    def _laser_at(self, pose: Pose) -> Tuple[float, float, float, float]:
+        """Return the position of the laser in the odometry frame [m], and cosine and sine of the robot's yaw."""
+        cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
+        ahead, left = self._laser
+        return (pose[0] + ahead * cos_yaw - left * sin_yaw, pose[1] + ahead * sin_yaw + left * cos_yaw,
+                cos_yaw, sin_yaw)
 
     def nearest(self, x: float, y: float) -> Tuple[float, Optional[FloatArray]]:
         """Return the distance [m] and the coordinates (2,) of the nearest stored point; (inf, None) without points.

@@ -2,7 +2,6 @@
 """The store of obstacle points of :mod:`motion_plan.surroundings`, with compiled rules; the same results."""
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
@@ -31,10 +30,7 @@ class CompiledSurroundings(Surroundings):
 
     def _points_after(self, readings: FloatArray, angle_min: float, angle_increment: float,
                       pose: Tuple[float, float, float]) -> FloatArray:
-        cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
-        ahead, left = self._laser
-        place = np.array((ahead, left, pose[0] + ahead * cos_yaw - left * sin_yaw,
-                          pose[1] + ahead * sin_yaw + left * cos_yaw, cos_yaw, sin_yaw))
+        place = np.array((*self._laser, *self._laser_at(pose)))
         return kernels.points_after(readings, self._angles, self._cos, self._sin, angle_increment, place, pose[2],
                                     self._limits, self._parts, self.points)
 

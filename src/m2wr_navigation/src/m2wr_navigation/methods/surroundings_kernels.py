@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping.frontend.pose_kernels import wrapped
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
 
-_TWO_PI = 2.0 * math.pi
 _ROW = 1000003              # cells in a row of the grid of points, more than any range: prime, as in _first_in_cells
 
 
@@ -23,11 +24,6 @@ _ROW = 1000003              # cells in a row of the grid of points, more than an
 def _cell(x: float, y: float, side: float) -> int:
     """Return the number of the cell of a point."""
     return int(math.floor(x / side)) * _ROW + int(math.floor(y / side))
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _wrap(angle: float) -> float:
-    return (angle + math.pi) % _TWO_PI - math.pi
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -53,7 +49,7 @@ def _is_seen(readings: FloatArray, angles: FloatArray, increment: float, bearing
     """Return whether a point is covered by a scan: inside its field of view, and not hidden."""
     last = len(readings) - 1
     middle = 0.5 * (angles[0] + angles[last])
-    beam = int(np.rint((middle + _wrap(bearing - middle) - angles[0]) / increment))
+    beam = int(np.rint((middle + wrapped(bearing - middle) - angles[0]) / increment))
     if beam < 0 or beam > last:
         return False
     beam = min(max(beam, 1), last - 1) if last > 1 else 0
@@ -117,8 +113,8 @@ def points_after(readings: FloatArray, angles: FloatArray, cosines: FloatArray, 
         if old < len(points):
             across, up = points[old, 0] - place[2], points[old, 1] - place[3]
             distance = math.hypot(across, up)
-            if not distance < limits[1] \
-                    or _is_seen(readings, angles, increment, _wrap(math.atan2(up, across) - yaw), distance, limits[2]):
+            bearing = wrapped(math.atan2(up, across) - yaw)
+            if not distance < limits[1] or _is_seen(readings, angles, increment, bearing, distance, limits[2]):
                 continue
             cell = _cell(points[old, 0], points[old, 1], limits[3])
         while new < count and cells[order[new]] <= cell:
