@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, List
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,11 +31,13 @@ def thinned(path: FloatArray, apart: float = APART) -> FloatArray:
     -------
     (M, 2) float64
     """
-    kept: List[int] = [0]
-    for k in range(1, len(path)):
-        if math.hypot(*(path[k] - path[kept[-1]])) >= apart:
+    points = path.tolist()          # numbers of Python: an array is slow to take them from one by one
+    kept, last = [0], points[0]
+    for k, point in enumerate(points[1:], 1):
+        if math.hypot(point[0] - last[0], point[1] - last[1]) >= apart:
             kept.append(k)
-    return path[kept + ([len(path) - 1] if kept[-1] != len(path) - 1 else [])]
+            last = point
+    return path[kept + ([len(points) - 1] if kept[-1] != len(points) - 1 else [])]
 
 
 def pairs_of(points: FloatArray) -> str:
