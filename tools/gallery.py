@@ -25,7 +25,7 @@ from doc_terminals import run_document  # noqa: E402
 from documents import blocks, documents  # noqa: E402
 
 IMAGES = os.path.join(ROOT, "docs", "images")
-SMALL = 190000          # bytes; above it a PNG gets a palette
+SMALL = 90000           # bytes; above it a PNG gets a palette
 
 
 def keep(name: str, path: str) -> None:
