@@ -111,7 +111,12 @@ class DeliveryNode:
             if now < max(began + SETTLE, next_time):
                 continue
             next_time = now + PERIOD - 1e-6
-            self._step(now, moves)
+            try:
+                self._step(now, moves)
+            except rospy.ROSException:
+                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
+                    break
+                raise
             ended = self._referee.finished()
         return self._report(ended or "the node was shut down")
 
@@ -201,8 +206,9 @@ class DeliveryNode:
         self._referee.rejected.clear()
 
     def _report(self, ended: str) -> int:
-        for robot in self._robots.values():
-            robot.commands.publish(Twist())
+        if not rospy.core.is_shutdown_requested():
+            for robot in self._robots.values():
+                robot.commands.publish(Twist())
         if math.isnan(self._referee.began):
             rospy.loginfo("the run ended before it began: %s", ended)
             return 1

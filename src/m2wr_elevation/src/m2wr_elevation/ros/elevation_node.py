@@ -162,6 +162,10 @@ class ElevationNode:
                 self._take(cloud, imu, odometry)
             except (ValueError, np.linalg.LinAlgError) as error:
                 rospy.logwarn_throttle(_TELL, "cloud on %s is refused: %s", rospy.resolve_name("points"), error)
+            except rospy.ROSException:
+                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
+                    return
+                raise
 
     def used(self) -> str:
         """Return how much processor time all threads of the node took for a cloud, without its start."""
