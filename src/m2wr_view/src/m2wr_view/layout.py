@@ -127,11 +127,10 @@ def with_obstacles(low: FloatArray, high: FloatArray, outlines: Sequence[Outline
 def needed_bounds(scene: Scene) -> Tuple[float, ...]:
     """Return what of a scene must be seen, whole metres (least x, least y, greatest x, greatest y).
 
-    Robot, trail, line and map are seen, and the obstacles of :func:`with_obstacles`.
+    Robots, their paths, line and map are seen, and the obstacles of :func:`with_obstacles`.
     """
-    points = [(x, y) for x, y, _, _ in scene.trail] + list(scene.line) + scene.hits + scene.leaves
-    if scene.pose is not None:
-        points.append((scene.pose[0], scene.pose[1]))
+    points = [(x, y) for x, y, _, _ in scene.trail] + list(scene.line) + scene.hits + scene.leaves + scene.places()
+    points += [*scene.team.points(), *((x, y) for x, y, _ in scene.names)]
     ends = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
     low, high = with_obstacles(ends.min(axis=0), ends.max(axis=0), scene.solids.blocking + scene.solids.hanging)
     for ground in scene.ground:         # the rest of a large one is cut off
@@ -177,13 +176,12 @@ class Framing:
             self._view = self._view or View(self._fixed, self._window)
             return self._view
         view = self._view
-        outside = view is None or scene.pose is not None and not (
-            view.wanted[0] <= scene.pose[0] <= view.wanted[2]
-            and view.wanted[1] <= scene.pose[1] <= view.wanted[3])
+        outside = view is None or not all(
+            view.wanted[0] <= x <= view.wanted[2] and view.wanted[1] <= y <= view.wanted[3] for x, y in scene.places())
         if outside or self._looked != scene.version:
             self._looked = scene.version
             bounds = needed_bounds(scene)
-            if view is not None and scene.trail:
+            if view is not None and (scene.trail or scene.team.members):
                 old = view.wanted
                 grown = tuple(min(pair) for pair in zip(old[:2], bounds[:2])) + tuple(
                     max(pair) for pair in zip(old[2:], bounds[2:]))

@@ -7,7 +7,6 @@ needs two copies, the scan, the robot and a line of text.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple
 
 import cairo
@@ -25,16 +24,14 @@ from m2wr_view.run_picture import (
     OVERHANG_COLOUR,
     STATE_COLOURS,
 )
+from m2wr_view.shapes import colours_of, draw_robot, draw_team, polyline, rgb, star, trace_outline, triangle
 
 if TYPE_CHECKING:
     from m2wr_view.array_types import FloatArray, Int8Array, Uint32Array
     from m2wr_view.layout import View
-    from m2wr_view.outlines import Outline
     from m2wr_view.scene import Scene
     from m2wr_view.solids import Ground
 
-    Colour = Tuple[float, float, float]
-    Points = Sequence[Sequence[float]]
     LegendRow = Tuple[str, str, str]        # kind, colour, words
 
 SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
@@ -43,6 +40,7 @@ RAYS_DRAWN = 90                     # of a scan; more would not be distinguishab
 FONT = "DejaVu Sans"
 HIDDEN = 0.25                       # m around the robot's origin, half the length of m2wr: a path there is hidden
 LEGEND_WIDTH = 1400                 # units; of all entries of a run of Bug 2 with a map, beside each other
+NAMED = 8                           # robots of a team that the legend names
 LEAST_UNIT = 0.75                   # of texts, lines and margins; 12 units, the smaller font, are then 9 pixels
 
 
@@ -56,58 +54,8 @@ def _cell_colours() -> Uint32Array:
 CELL_COLOURS = _cell_colours()
 
 
-def rgb(text: str) -> Colour:
-    """Return red, green, blue from 0 to 1 of ``#RRGGBB``."""
-    red, green, blue = (int(text[at:at + 2], 16) / 255.0 for at in (1, 3, 5))
-    return red, green, blue
-
-
 def _state_colour(state: Optional[str]) -> str:
     return OTHER_COLOUR if state is None else STATE_COLOURS.get(state, OTHER_COLOUR)
-
-
-def _path(context: cairo.Context, points: Points, closed: bool = False) -> None:
-    context.move_to(*points[0])
-    for point in points[1:]:
-        context.line_to(*point)
-    if closed:
-        context.close_path()
-
-
-def trace_outline(context: cairo.Context, outline: Outline, view: View) -> None:
-    """Add an outline to the current path: its polygon, or its disc where it is one.
-
-    Parameters
-    ----------
-    context : cairo.Context
-        Receives the path.
-    outline : Outline
-        In world [m].
-    view : View
-        Maps world to pixels.
-    """
-    points = view.pixels(outline.vertices).tolist()
-    if len(points) == 1:
-        context.new_sub_path()
-        # the same sense of rotation as polygons have, so that what overlaps is one area in a common path
-        context.arc_negative(points[0][0], points[0][1], outline.radius * view.scale, 2.0 * math.pi, 0.0)
-    else:
-        _path(context, points, closed=True)
-
-
-def _triangle(context: cairo.Context, x: float, y: float, size: float, down: bool) -> None:
-    tall = size if down else -size
-    context.move_to(x - size, y - 0.6 * tall)
-    context.line_to(x + size, y - 0.6 * tall)
-    context.line_to(x, y + tall)
-    context.close_path()
-
-
-def _star(context: cairo.Context, x: float, y: float, size: float) -> None:
-    for corner in range(10):
-        angle, radius = math.pi * (corner / 5.0 - 0.5), size if corner % 2 == 0 else 0.42 * size
-        context.line_to(x + radius * math.cos(angle), y + radius * math.sin(angle))
-    context.close_path()
 
 
 def _has_moved(scene: Scene) -> bool:
@@ -188,6 +136,7 @@ class Renderer:
         if scene.grid is not None:
             self._draw_map(context, scene.grid, view)
         self._draw_line(context, scene, view)
+        self._draw_names(context, scene, view)
         self._scale_bar(context, view)
         context.restore()
         self._axes(context, view, steps)
@@ -233,10 +182,10 @@ class Renderer:
         left, top, width, height = self._window
         for x in steps[0]:
             column = round(view.pixel(x, 0.0)[0]) + 0.5
-            _path(context, ((column, top), (column, top + height)))
+            polyline(context, ((column, top), (column, top + height)))
         for y in steps[1]:
             row = round(view.pixel(0.0, y)[1]) + 0.5
-            _path(context, ((left, row), (left + width, row)))
+            polyline(context, ((left, row), (left + width, row)))
         context.stroke()
         return steps
 
@@ -250,11 +199,11 @@ class Renderer:
         self._font(context, 12)
         for x in steps[0]:
             column = view.pixel(x, 0.0)[0]
-            _path(context, ((column, top + height), (column, top + height + 4 * unit)))
+            polyline(context, ((column, top + height), (column, top + height + 4 * unit)))
             self._text(context, "%g" % x, column, top + height + 17 * unit, 0.5)
         for y in steps[1]:
             row = view.pixel(0.0, y)[1]
-            _path(context, ((left - 4 * unit, row), (left, row)))
+            polyline(context, ((left - 4 * unit, row), (left, row)))
             self._text(context, "%g" % y, left - 7 * unit, row + 4 * unit, 1.0)
         context.stroke()
         self._text(context, "x [m]", left + 0.5 * width, top + height + 33 * unit, 0.5)
@@ -277,7 +226,7 @@ class Renderer:
         for points in (((right - pixels, bottom), (right, bottom)),
                        ((right - pixels, bottom - 4 * unit), (right - pixels, bottom + 4 * unit)),
                        ((right, bottom - 4 * unit), (right, bottom + 4 * unit))):
-            _path(context, points)
+            polyline(context, points)
         context.stroke()
         self._font(context, 12)
         self._text(context, "%g m" % length, right - 0.5 * pixels, bottom - 8 * unit, 0.5)
@@ -293,7 +242,7 @@ class Renderer:
             for piece in ground:
                 for corners, colour in zip(view.pixels(piece.corners).tolist(), piece.colours.tolist()):
                     painter.set_source_rgb(*colour)
-                    _path(painter, corners, closed=True)
+                    polyline(painter, corners, closed=True)
                     painter.fill()
             self._ground = (id(view), ground, surface)
         context.set_source_surface(self._ground[2], 0, 0)
@@ -339,9 +288,22 @@ class Renderer:
         context.set_source_rgb(*rgb(LINE_COLOUR))
         context.set_line_width(1.4 * unit)
         context.set_dash((7 * unit, 5 * unit))
-        _path(context, view.pixels(scene.line).tolist())
+        polyline(context, view.pixels(scene.line).tolist())
         context.stroke()
         context.set_dash(())
+
+    def _draw_names(self, context: cairo.Context, scene: Scene, view: View) -> None:
+        """Draw places as white discs with their names."""
+        self._font(context, 15, bold=True)
+        for x, y, name in scene.names:
+            column, row = view.pixel(x, y)
+            width = context.text_extents(name)[4]
+            context.new_sub_path()
+            context.arc(column, row, max(0.5 * width + 4 * self._unit, 11 * self._unit), 0.0, 2.0 * math.pi)
+            context.set_source_rgba(1.0, 1.0, 1.0, 0.7)
+            context.fill()
+            context.set_source_rgb(*rgb(TEXT_COLOUR))
+            self._text(context, name, column, row + 5 * self._unit, 0.5)
 
     # ---- layers of each frame ----------------------------------------------------------------------------------
 
@@ -376,10 +338,10 @@ class Renderer:
         unit = self._unit
         context.set_line_width(1.0 * unit)
         if scene.goal is not None:
-            self._mark(context, GOAL_COLOUR, _star, *view.pixel(*scene.goal), 12 * unit)
+            self._mark(context, GOAL_COLOUR, star, *view.pixel(*scene.goal), 12 * unit)
         for points, colour, down in ((scene.hits, HIT_COLOUR, True), (scene.leaves, LEAVE_COLOUR, False)):
             for point in points:
-                self._mark(context, colour, _triangle, *view.pixel(*point), 7 * unit, down)
+                self._mark(context, colour, triangle, *view.pixel(*point), 7 * unit, down)
 
     @staticmethod
     def _mark(context: cairo.Context, colour: str, shape: Callable[..., None], *arguments: Any) -> None:
@@ -390,29 +352,9 @@ class Renderer:
         context.stroke()
 
     def _draw_robot(self, context: cairo.Context, scene: Scene, view: View) -> None:
-        if scene.pose is None:
-            return
-        x, y, yaw = scene.pose
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        turn = np.array(((cosine, sine), (-sine, cosine)))
-        for fill in (False, True):                  # edges of all parts below the faces of all parts
-            for part in scene.footprint:
-                trace_outline(context, replace(part, vertices=part.vertices.dot(turn) + (x, y)), view)
-                if fill:
-                    context.set_source_rgb(*rgb(ROBOT_COLOUR))
-                    context.fill()
-                else:
-                    context.set_source_rgb(0, 0, 0)
-                    context.set_line_width(2.4 * self._unit)
-                    context.stroke()
-        head = max(0.12 * view.scale, 4 * self._unit)       # which way is ahead
-        column, row = view.pixel(x, y)
-        context.move_to(column + 1.4 * head * cosine, row - 1.4 * head * sine)
-        for side in (2.5, -2.5):
-            context.line_to(column + head * math.cos(yaw + side), row - head * math.sin(yaw + side))
-        context.close_path()
-        context.set_source_rgb(1, 1, 1)
-        context.fill()
+        if scene.pose is not None:
+            draw_robot(context, scene.pose, scene.footprint, ROBOT_COLOUR, view, self._unit)
+        draw_team(context, scene.team, scene.footprint, view, self._unit)
 
     # ---- words -------------------------------------------------------------------------------------------------
 
@@ -459,6 +401,7 @@ class Renderer:
         states = list(dict.fromkeys(state for _, _, state, _ in scene.trail[1:])) if _has_moved(scene) else []
         states += [scene.state] if scene.state and scene.state not in states and scene.trail else []
         rows: List[LegendRow] = [("patch", ROBOT_COLOUR, "robot")] if scene.pose is not None else []
+        rows += [("patch", colour, name) for name, colour in list(colours_of(scene.team).items())[:NAMED]]
         rows += [("line", _state_colour(state), "path: " + state.replace("_", " ")
                   if state else "path") for state in states]
         rows += [("patch", OBSTACLE_COLOUR, "obstacle")] if any(map(shows, scene.solids.blocking)) else []
@@ -503,12 +446,12 @@ class Renderer:
         elif kind in ("line", "dash"):
             context.set_dash((7 * unit, 5 * unit) if kind == "dash" else ())
             context.set_line_width((1.4 if kind == "dash" else 3.0) * unit)
-            _path(context, ((x, y), (x + 20 * unit, y)))
+            polyline(context, ((x, y), (x + 20 * unit, y)))
             context.stroke()
             context.set_dash(())
         else:
             context.set_line_width(1.0 * unit)
             if kind == "star":
-                self._mark(context, colour, _star, x + 10 * unit, y, 8 * unit)
+                self._mark(context, colour, star, x + 10 * unit, y, 8 * unit)
             else:
-                self._mark(context, colour, _triangle, x + 10 * unit, y, 6 * unit, kind == "down")
+                self._mark(context, colour, triangle, x + 10 * unit, y, 6 * unit, kind == "down")

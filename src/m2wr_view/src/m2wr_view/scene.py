@@ -12,6 +12,7 @@ from m2wr_view.errors import ViewError
 from m2wr_view.frames import Frames, compose, inverse, matrix_of, planar, yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT
 from m2wr_view.solids import Solids, ground_of, read_robot
+from m2wr_view.team import JUMP, Team
 
 if TYPE_CHECKING:
     from m2wr_view.array_types import BoolArray, FloatArray, Int8Array
@@ -19,9 +20,10 @@ if TYPE_CHECKING:
     from m2wr_view.outlines import Outline
     from m2wr_view.solids import Ground, Robot
 
-JUMP = 0.5              # m between two samples; more means that the robot was placed there and did not drive
 TRAIL_STEP = 0.02       # m between two points of the trail
 _HISTORY = 400          # poses kept for scans that arrive late
+_MOST_NAMES, _LONGEST_NAME = 100, 30        # of places
+_TEXT = 9               # Marker.TEXT_VIEW_FACING
 
 #: Topics that are drawn, by name: message type, and the method of :class:`Scene` that takes the messages.
 TOPICS = {
@@ -31,8 +33,10 @@ TOPICS = {
     "tf_static": ("tf2_msgs/TFMessage", "take_transforms"),
     "m2wr/laser/scan": ("sensor_msgs/LaserScan", "take_scan"),
     "map": ("nav_msgs/OccupancyGrid", "take_map"),
+    "gazebo/robot_states": ("gazebo_msgs/ModelStates", "take_robots"),
     "gazebo/world_markers": ("visualization_msgs/MarkerArray", "take_markers"),
     "gazebo/ground_markers": ("visualization_msgs/MarkerArray", "take_ground"),
+    "delivery/places": ("visualization_msgs/MarkerArray", "take_places"),
     "robot_description": ("std_msgs/String", "take_description"),
     "bug2/state": ("std_msgs/String", "take_state"),
     "bug2/m_line": ("nav_msgs/Path", "take_line"),
@@ -58,6 +62,10 @@ class Scene:
         The map, and how its first cell's corner lies.
     ground : list of Ground
         Pieces of ground that is not level.
+    names : list of (float, float, str)
+        Places and their names.
+    team : Team
+        All robots, where there are several and no topic of the names above has the odometry of one.
     version : int
         Increases when something changes that is not drawn in each picture.
     trail_version : int
@@ -74,6 +82,8 @@ class Scene:
         self.line: List[Tuple[float, float]] = []
         self.solids = Solids()
         self.ground: List[Ground] = []
+        self.names: List[Tuple[float, float, str]] = []
+        self.team = Team()
         self.robot: Optional[Robot] = None
         self.footprint: Sequence[Outline] = M2WR_FOOTPRINT
         self.scan: Any = None
@@ -104,6 +114,7 @@ class Scene:
         """Drop what belongs to a run that was reset."""
         self.trail, self.hits, self.leaves = [], [], []
         self._times, self._poses, self.scan = [], [], None
+        self.team.forget_paths()
         self.trail_version += 1
 
     def take_odometry(self, message: Any) -> None:
@@ -188,6 +199,14 @@ class Scene:
             self.grid = (transform, resolution, cells)
             self.version += 1
 
+    def take_robots(self, message: Any) -> None:
+        """Take the true poses of all robots; of a single one, and where there is odometry, nothing is drawn."""
+        poses = {} if self._odometry_seen else {
+            name: (pose.position.x, pose.position.y, yaw_of((pose.orientation.x, pose.orientation.y,
+                                                             pose.orientation.z, pose.orientation.w)))
+            for name, pose in zip(message.name, message.pose)}
+        self.team.update(poses)
+
     def take_markers(self, message: Any) -> None:
         """Take markers of the world."""
         self.solids.update(message.markers)
@@ -197,6 +216,13 @@ class Scene:
         """Take markers of ground."""
         found = [ground_of(marker) for marker in message.markers]
         self.ground = [ground for ground in found if ground is not None]
+        self.version += 1
+
+    def take_places(self, message: Any) -> None:
+        """Take the texts among markers: names of places."""
+        texts = [marker for marker in message.markers if marker.type == _TEXT][:_MOST_NAMES]
+        self.names = [(place.x, place.y, marker.text[:_LONGEST_NAME]) for marker in texts
+                      for place in [marker.pose.position] if math.isfinite(place.x) and math.isfinite(place.y)]
         self.version += 1
 
     def take_description(self, message: Any) -> None:
@@ -235,6 +261,11 @@ class Scene:
             points.append((point.x, point.y))
 
     # ---- queries -----------------------------------------------------------------------------------------------
+
+    def places(self) -> List[Tuple[float, float]]:
+        """Return where the robots are [m]."""
+        return [(pose[0], pose[1]) for pose in [self.pose, *(member.pose for member in self.team.members.values())]
+                if pose is not None]
 
     def pose_at(self, stamp: float) -> Optional[FloatArray]:
         """Return the robot's pose (3,) at a time [s], between two known ones; the newest if it is later."""

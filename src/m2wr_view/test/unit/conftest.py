@@ -13,6 +13,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
+from gazebo_msgs.msg import ModelStates
 from m2wr_view.scene import Scene
 
 URDF = """<robot name="cart"><link name="base"><collision><origin xyz="0.1 0 0"/><geometry><box size="1 0.4 0.2"/>
@@ -85,6 +86,10 @@ class Messages:
     def clock(now):
         return Clock(rospy.Time.from_sec(now))
 
+    def robots(self, **poses):
+        return ModelStates(name=list(poses), pose=[self.odometry(0.0, *pose).pose.pose for pose in poses.values()],
+                           twist=[Twist()] * len(poses))
+
     @staticmethod
     def text(words):
         return String(data=words)
@@ -132,8 +137,6 @@ def corner_bag(tmp_path, make):
         return path
 
     def states(x, y, yaw):
-        from gazebo_msgs.msg import ModelStates
-        pose = make.odometry(0.0, x, y, yaw).pose.pose
-        return ModelStates(name=["m2wr"], pose=[pose], twist=[Twist()])
+        return make.robots(m2wr=(x, y, yaw))
 
     return record

@@ -12,10 +12,11 @@ from PIL import Image
 
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
-from m2wr_view.renderer import ROBOT_COLOUR, rgb
+from m2wr_view.renderer import ROBOT_COLOUR
 from m2wr_view.ros import image_dump
 from m2wr_view.ros.image_dump import main
 from m2wr_view.run_picture import OBSTACLE_COLOUR, STATE_COLOURS
+from m2wr_view.shapes import rgb
 
 
 def count(path, colour):
@@ -69,7 +70,7 @@ def test_a_bag_without_a_world_is_drawn_and_told(corner_bag, tmp_path, capsys):
 
 
 def test_topics_are_remapped(corner_bag, tmp_path, capsys):
-    bag = corner_bag(without=("/odom", "/gazebo/world_markers", "/clock"))
+    bag = corner_bag(without=("/odom", "/gazebo/world_markers", "/gazebo/robot_states", "/clock"))
     assert main(["--bag", bag, "--out", str(tmp_path / "out"), "map:=/odom"]) == 1
     assert "none of the topics /odom" in said(capsys)
 

@@ -11,8 +11,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from conftest import URDF
 from m2wr_view.layout import nice_step
-from m2wr_view.renderer import ROBOT_COLOUR, Renderer, rgb
+from m2wr_view.renderer import ROBOT_COLOUR, Renderer
 from m2wr_view.run_picture import GOAL_COLOUR, HIT_COLOUR, OBSTACLE_COLOUR, OVERHANG_COLOUR, STATE_COLOURS
+from m2wr_view.shapes import TEAM_COLOURS, rgb
 
 BOUNDS = (-2.0, -2.0, 8.0, 7.0)
 
@@ -182,6 +183,28 @@ def test_a_path_below_the_robot_is_not_in_the_legend(make, scene):
 def test_what_is_outside_the_picture_is_not_in_the_legend(full):
     assert {"obstacle", "above the robot"} <= set(legend(full))
     assert not {"obstacle", "above the robot"} & set(legend(full, (-2.0, -2.0, 2.0, 2.0)))
+
+
+def test_each_robot_of_a_team_has_its_colour_and_path(make, scene):
+    for step in range(31):
+        scene.take_robots(make.robots(robot2=(0.1 * step, 5.0, 0.0), robot1=(0.1 * step, 1.0, 0.0)))
+    picture = Picture(scene)
+    for y, colour in ((1.0, TEAM_COLOURS[0]), (5.0, TEAM_COLOURS[1])):
+        assert picture.at(2.82, y + 0.1) == pytest.approx(rgb(colour), abs=0.03)
+        assert picture.at(1.0, y) == pytest.approx(rgb(colour), abs=0.03)
+    assert {"robot1", "robot2"} <= set(legend(scene))
+
+
+def test_without_bounds_a_team_and_named_places_are_in_view(make, scene):
+    place = Marker(type=Marker.TEXT_VIEW_FACING, text="far")
+    place.pose.position.x = -20.0
+    scene.take_places(MarkerArray([place]))
+    scene.take_robots(make.robots(robot1=(0.0, 0.0, 0.0), robot2=(9.0, 9.0, 0.0)))
+    picture = Picture(scene, bounds=None)
+    scene.take_robots(make.robots(robot1=(0.0, 0.0, 0.0), robot2=(15.0, 9.0, 0.0)))
+    picture.renderer.draw(scene)
+    low_x, _, high_x, high_y = picture.renderer._view.bounds
+    assert low_x < -20.0 and high_x > 15.0 and high_y > 9.0
 
 
 def test_an_empty_scene_can_be_drawn(scene):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from visualization_msgs.msg import Marker, MarkerArray
 
 from conftest import URDF
 from m2wr_view.errors import ViewError
@@ -68,3 +69,35 @@ def test_a_jump_is_not_driven_and_a_reset_clears_the_trail(make, scene):
 def test_a_transform_and_its_inverse_cancel():
     matrix = matrix_from_rpy((1.0, -2.0, 3.0), (0.3, -0.7, 2.9))
     assert np.allclose(inverse(matrix).dot(matrix), np.eye(4), atol=1e-12)
+
+
+def test_several_robots_are_a_team_and_a_single_one_is_none(make, scene):
+    scene.take_robots(make.robots(m2wr=(1.0, 2.0, 0.0)))
+    assert not scene.team.members and scene.places() == []
+    for x in (0.0, 0.05, 0.2, 3.0):
+        scene.take_robots(make.robots(robot1=(x, 0.0, 0.0), robot2=(5.0, 5.0, 1.0)))
+    assert scene.team.members["robot1"].path == [(0.0, 0.0, False), (0.2, 0.0, True), (3.0, 0.0, False)]
+    assert scene.team.members["robot2"].path == [(5.0, 5.0, False)]
+    assert scene.places() == [(3.0, 0.0), (5.0, 5.0)]
+    scene.take_robots(make.robots(robot1=(math.nan, 0.0, 0.0), robot2=(5.0, 5.0, 1.0), robot3=(0.0, 0.0, 0.0)))
+    assert list(scene.team.members) == ["robot2", "robot3"]
+
+
+def test_a_reset_clears_the_paths_of_a_team(make, scene):
+    scene.take_clock(make.clock(5.0))
+    scene.take_robots(make.robots(robot1=(0.0, 0.0, 0.0), robot2=(5.0, 5.0, 1.0)))
+    scene.take_clock(make.clock(0.0))
+    assert [member.path for member in scene.team.members.values()] == [[], []]
+
+
+def test_a_robot_with_odometry_is_drawn_by_it(make, scene):
+    scene.take_odometry(make.odometry(1.0, 0.0, 0.0))
+    scene.take_robots(make.robots(robot1=(0.0, 0.0, 0.0), robot2=(5.0, 5.0, 1.0)))
+    assert not scene.team.members and scene.places() == [(0.0, 0.0)]
+
+
+def test_names_of_places_are_the_texts_among_markers(make, scene):
+    texts = [Marker(type=Marker.TEXT_VIEW_FACING, text=text) for text in ("A", "B" * 1000)]
+    texts[0].pose.position.x, texts[1].pose.position.y = math.inf, 2.0
+    scene.take_places(MarkerArray([make.marker(Marker.CYLINDER, (1.0, 1.0, 0.1), 3.0, 3.0), *texts]))
+    assert scene.names == [(0.0, 2.0, "B" * 30)]

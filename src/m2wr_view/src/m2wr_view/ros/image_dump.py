@@ -191,12 +191,13 @@ def check_topics(path: str, types: Dict[str, str], names: Dict[str, str]) -> Non
             log.warning("bag %s: topic %s has the type %s and is left out; expected %s", path, topic, kind,
                         TOPICS[names[topic]][0])
     there = {names[topic] for topic in types if topic in names and types[topic] == TOPICS[names[topic]][0]}
-    if not there & {"odom", "tf", "map", "gazebo/world_markers"}:
-        raise ViewError("bag %s: it has none of the topics /odom, /tf, /map and /gazebo/world_markers, so there is "
-                        "nothing to draw; topics in it: %s" % (path, ", ".join(sorted(types)) or "none"))
+    if not there & {"odom", "tf", "map", "gazebo/robot_states", "gazebo/world_markers"}:
+        raise ViewError("bag %s: it has none of the topics /odom, /tf, /map, /gazebo/robot_states and "
+                        "/gazebo/world_markers, so there is nothing to draw; topics in it: %s"
+                        % (path, ", ".join(sorted(types)) or "none"))
     for name, lost in (("gazebo/world_markers", "the world"), ("m2wr/laser/scan", "the laser"),
                        ("robot_description", "the robot's shape (that of m2wr is drawn)"),
-                       ("odom", "the odometry (tf is used)")):
+                       ("odom", "the odometry (tf is used, of several robots the true poses)")):
         if name not in there:
             log.warning("bag %s: no topic /%s; the pictures lack %s", path, name, lost)
 
