@@ -96,8 +96,8 @@ class Matching:
     dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", UNKNOWN)
     normal_variance: float = tuned(0.085, "rad^2", "Variance of the angle of a normal that is fitted to noisy end "
                                    "points.", UNKNOWN)
-    good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans.",
-                              UNKNOWN)
+    good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, and "
+                              "share of another place's score below which one is worse.", UNKNOWN)
     score: float = tuned(0.5, "1", "Limit of minimumScore, and least score of a loop closure, as shares of the beams.",
                          "geometry: most good matches do not reach a higher score")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
@@ -202,6 +202,8 @@ class Odometry:
                             "the user's noise parameters weigh.", "users seldom measure them")
     least_information: float = tuned(0.01, "1", "A scan with less information changes no scale.", UNKNOWN)
     scale: Vector2 = tuned((0.1, 30.0), "1, 1", "Least and greatest scale of the user's noise.", UNKNOWN)
+    fastest: float = tuned(5.0, "m/s", "A higher speed between a saved state and the next scan means that odometry was "
+                           "reset.", "robots for rooms drive at most half as fast")
 
 
 @dataclass(frozen=True)

@@ -121,6 +121,17 @@ def test_distant_odometry_is_accepted_if_the_scan_agrees(tmp_path, ring, laser):
     found.mapper.close()
 
 
+def test_odometry_that_leads_off_the_map_is_accepted(tmp_path, ring, laser):
+    """Where the map ends no scan fits; that it fits a little at the last pose is no reason to go back there."""
+    ride = Ride(ring, laser).go(0, 60)
+    found = ride.saved(str(tmp_path / "a.state"))
+    ranges = ring.ranges(ride.truth[59], laser.angles)
+    ranges[len(ranges) // 3:] = np.random.default_rng(1).uniform(0.3, 0.8, len(ranges) - len(ranges) // 3)
+    reading = found.mapper.reading(ranges)
+    assert state.connect_odometry(found.mapper, reading, compose(ride.odom[59], (50.0, 0.0, 0.0)), 1e5) is None
+    found.mapper.close()
+
+
 def test_odometry_older_than_the_state_is_a_reset(path, laser):
     mapper = state.load(path).mapper
     nothing = laser.reading(np.full(181, np.nan))

@@ -21,6 +21,7 @@ from m2wr_gmapping.io.state_file import StateError
 from m2wr_gmapping.io.state_store import KindError, Store
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,11 +33,6 @@ if TYPE_CHECKING:
 OWN = ("throttle_scans", "base_frame", "map_frame", "odom_frame", "map_update_interval", "transform_publish_period",
        "tf_delay", "threads")
 MOST_WORDS = 1000       # characters of each value that the saving program added
-FASTEST = 5.0           # a higher speed between state and scan means that odometry was reset [m/s]
-FAR = np.array([1.0, 0.7])          # odometry that differs more from the state is checked by the scan [m, rad]
-LOOK = np.array([0.5, 0.3])         # search window around each pose [m, rad]
-FIT = 1.0 / np.square([0.3, 0.3, 0.2])
-BETTER_SHARE = 0.1      # share of beams by which a scan must fit better at the old pose than at that of odometry
 
 
 @dataclass
@@ -186,21 +182,28 @@ def _mapper(config: GmappingConfig, store: Store) -> Mapper:
 def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: FloatArray) -> float:
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
     particles = mapper.particles
-    found = matcher.search(particles.maps, particles.best, reading, pose, LOOK)
-    row = matcher.match_one(particles.maps, particles.best, reading, found, found, FIT)
+    found = matcher.search(particles.maps, particles.best, reading, pose, np.array(MATCHING.start_window))
+    row = matcher.match_one(particles.maps, particles.best, reading, found, found, 1.0 / np.square(LINKS.prior))
     return float(row[mk.SCORE]) / reading.beams.shape[1]
 
 
 def _is_odometry_reset(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray) -> bool:
-    """Whether a scan fits clearly better at the last pose than at the pose of odometry."""
+    """Whether a scan fits at the last pose, and clearly better than at the pose of odometry.
+
+    If each pose is in the window of the search around the other, both find the same place, and the scan decides nothing.
+    """
     matcher = mapper._matcher
     if not isinstance(matcher, FastMatcher) or not reading.beams.shape[1]:
         return False
     step = between(mapper.odometry, odom_pose)
-    if math.hypot(step[0], step[1]) <= FAR[0] and abs(step[2]) <= FAR[1]:
+    across, turn = MATCHING.start_window
+    if math.hypot(step[0], step[1]) <= across and abs(step[2]) <= turn:
         return False
-    led = compose(mapper.map_from_odom, odom_pose)
-    return _fit(mapper, matcher, reading, mapper.pose) > _fit(mapper, matcher, reading, led) + BETTER_SHARE
+    last = _fit(mapper, matcher, reading, mapper.pose)
+    if last < MATCHING.score:           # it is elsewhere, maybe where the map does not reach
+        return False
+    led = _fit(mapper, matcher, reading, compose(mapper.map_from_odom, odom_pose))
+    return led < MATCHING.good_share * last
 
 
 def connect_odometry(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray, stamp: float,
@@ -218,8 +221,8 @@ def connect_odometry(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray
         Of the next scan [s].
     runs_on : bool
         Whether odometry was not reset since the state was saved. A reset is also assumed if time has jumped back, the
-        speed would exceed ``FASTEST``, or the scan fits far better at the last pose. After a reset the robot continues
-        at the last pose.
+        speed would exceed ``ODOMETRY.fastest``, or the scan fits at the last pose, and clearly better than where odometry
+        has led. After a reset the robot continues at the last pose.
 
     Returns
     -------
@@ -228,7 +231,7 @@ def connect_odometry(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray
     """
     before = mapper.odometry
     apart, seconds = math.hypot(odom_pose[0] - before[0], odom_pose[1] - before[1]), stamp - mapper.stamps[-1]
-    if runs_on and apart <= FASTEST * max(seconds, 0.0) and not _is_odometry_reset(mapper, reading, odom_pose):
+    if runs_on and apart <= ODOMETRY.fastest * max(seconds, 0.0) and not _is_odometry_reset(mapper, reading, odom_pose):
         return None
     mapper.reset_odometry(odom_pose)
     return ("odometry was reset ({:.2f} m and {:.1f} s from that of the state): "
