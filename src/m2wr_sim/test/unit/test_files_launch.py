@@ -161,6 +161,13 @@ def test_lockstep_waits_for_the_pictures(pictures, out):
     assert "/image_dump" in params["/gazebo/lockstep_listeners"]
 
 
+@pytest.mark.parametrize("words", [["deliver.launch"], ["explore.launch"], ["explore.launch", "robots:=2"]], ids=str)
+def test_pictures_of_one_robot_and_of_several_are_an_argument(words):
+    nodes, params = load(*words, "pictures:=run.gif")
+    assert params["/image_dump/out"] == "run.gif" and nodes["image_dump"].package == "m2wr_view"
+    assert "image_dump" not in load(*words)[0]
+
+
 def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):
     assert "rviz" in load("bug2.launch", "gui:=true")[0]
     monkeypatch.setenv("DISPLAY", ":7")
