@@ -96,8 +96,8 @@ class Matching:
     dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", UNKNOWN)
     normal_variance: float = tuned(0.085, "rad^2", "Variance of the angle of a normal that is fitted to noisy end "
                                    "points.", UNKNOWN)
-    good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, and "
-                              "share of another place's score below which one is worse.", UNKNOWN)
+    good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, "
+                              "and share of another place's score below which one is worse.", UNKNOWN)
     score: float = tuned(0.5, "1", "Limit of minimumScore, and least score of a loop closure, as shares of the beams.",
                          "geometry: most good matches do not reach a higher score")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",

@@ -190,7 +190,7 @@ def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: Float
 def _is_odometry_reset(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray) -> bool:
     """Whether a scan fits at the last pose, and clearly better than at the pose of odometry.
 
-    If each pose is in the window of the search around the other, both find the same place, and the scan decides nothing.
+    If each pose is in the window of the search around the other, both find the same place: the scan decides nothing.
     """
     matcher = mapper._matcher
     if not isinstance(matcher, FastMatcher) or not reading.beams.shape[1]:
@@ -221,8 +221,8 @@ def connect_odometry(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray
         Of the next scan [s].
     runs_on : bool
         Whether odometry was not reset since the state was saved. A reset is also assumed if time has jumped back, the
-        speed would exceed ``ODOMETRY.fastest``, or the scan fits at the last pose, and clearly better than where odometry
-        has led. After a reset the robot continues at the last pose.
+        speed would exceed ``ODOMETRY.fastest``, or the scan fits at the last pose, and clearly better than where
+        odometry has led. After a reset the robot continues at the last pose.
 
     Returns
     -------
