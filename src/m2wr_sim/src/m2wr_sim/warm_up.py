@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
+from m2wr_sim.control import track_kernels as kernels
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Box, Collision, Link, Model, Plane, Sphere
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
+from m2wr_sim.physics.moved_links import MovedLink
 from m2wr_sim.rendering import camera
 from m2wr_sim.sensors import laser
 from m2wr_sim.sensors.coverage_kernels import mark_crossed
 
 
 def warm_up(engine_kind: str = "auto") -> None:
-    """Run the kernels of rays and pictures and the loop of an engine once, on a small world."""
+    """Run the kernels of rays, pictures and scripts and the loop of an engine once, on a small world."""
     laser.warm_up(np.random.default_rng(0))
     camera.warm_up()
     mark_crossed(np.ones(1), np.ones((1, 2)), 0.5, np.zeros(2), np.zeros((2, 2), bool), np.zeros((1, 1), np.int64))
+    spans, tracks, points, motions = (np.zeros((0, columns)) for columns in (
+        kernels.SPAN_COLUMNS, kernels.TRACK_COLUMNS, kernels.POINT_COLUMNS, kernels.MOTION_COLUMNS))
+    kernels.advance(np.zeros((0, kernels.SCRIPT_COLUMNS), np.int64), spans, tracks, points, 1, 1, 1, 1.0, motions,
+                    np.zeros(0, np.int64))
     engine = make_engine(engine_kind, EngineSettings())
     try:
         for name, geometry, static in (("floor", Plane(), True), ("box", Box((1.0, 1.0, 1.0)), False),
@@ -26,6 +32,9 @@ def warm_up(engine_kind: str = "auto") -> None:
             handle = engine.add_model(Model(name, (link,), static=static), IDENTITY)
         engine.step(2)
         engine.pose_reader([(handle.links["link"], IDENTITY)], np.zeros((1, 7)))()
+        moved = engine.add_model(Model("moved", (Link("link", kinematic=True),), allow_auto_disable=False), IDENTITY)
+        engine.link_mover([MovedLink(0, moved.links["link"], IDENTITY, IDENTITY[0])], np.zeros((1, 13)),
+                          np.zeros(1, np.int64))()
         engine.motion_reader(handle.links["link"], IDENTITY, np.zeros(13))()
     finally:
         engine.close()

@@ -9,13 +9,26 @@ from __future__ import annotations
 
 import bisect
 import math
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
 
 from m2wr_sim.geometry import Pose, Quaternion, Vector, conjugate, multiply, rpy_from_quaternion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SAME = 1e-3                 # m, and of a quaternion: ignition::math takes vectors so near for equal
 SLERP_BELOW = 0.16          # rad of roll, pitch or yaw: RotationSpline::Interpolate
 _LEAST_SINE = 1e-3          # ignition::math::Quaternion
+
+
+class Tables(NamedTuple):
+    """A script as arrays, see :mod:`m2wr_sim.control.track_kernels`."""
+
+    tracks: NDArray[np.float64]
+    points: NDArray[np.float64]
+    span: Tuple[float, float]
 
 
 class Motion(NamedTuple):
@@ -139,6 +152,16 @@ class PoseTrack:
         """The first and the last pose."""
         return (self._points[0], self._turns[0]), (self._points[-1], self._turns[-1])
 
+    def table(self) -> NDArray[np.float64]:
+        """Return the rows of ``points`` of :mod:`m2wr_sim.control.track_kernels`, of the last way point, too."""
+        return np.column_stack((self._times, self._points, self._tangents, self._turns, self._controls,
+                                self._simple + [True])).astype(np.float64)
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether it has straight lines at constant speed."""
+        return self._is_straight
+
     def _position_tangents(self, factor: float) -> List[Vector]:
         points, last = self._points, len(self._points) - 1
         is_closed = last > 0 and _same(points[0], points[-1])
@@ -227,6 +250,14 @@ class PoseScript:
     def end(self) -> float:
         """Time after which nothing moves any more [s]; infinite for a loop."""
         return math.inf if self.loop else self._delay + self.length
+
+    def tables(self) -> Tables:
+        """Return the arrays from which compiled code computes what :meth:`motion` returns."""
+        points = [track.table() for track in self._tracks]
+        first = np.cumsum([0] + [len(part) for part in points])
+        tracks = [(first[k], len(points[k]), track.is_straight, self._begins[k],
+                   self._continues(k, (k + 1) % len(self._tracks))) for k, track in enumerate(self._tracks)]
+        return Tables(np.array(tracks, np.float64), np.concatenate(points), (self._delay, self.length))
 
     def _place(self, time: float) -> Tuple[int, float]:
         """Return the track at a time, and the time on it."""

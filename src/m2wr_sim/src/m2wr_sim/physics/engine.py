@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Optional, Sequ
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import compose
 from m2wr_sim.physics.islands import ITERATIVE_ABOVE
+from m2wr_sim.physics.moved_links import move_links
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Vector
     from m2wr_sim.model.types import Axis, Collision, Inertial, Joint, Model, Physics
     from m2wr_sim.physics.contact_watch import ContactWatch
+    from m2wr_sim.physics.moved_links import MovedLink
 
 log = logging.getLogger(__name__)
 
@@ -417,6 +419,26 @@ class Engine(abc.ABC):
             motion[7:10], motion[10:] = state.linear_velocity, state.angular_velocity
 
         return read
+
+    def link_mover(self, parts: Sequence[MovedLink], motions: NDArray[np.float64],
+                   chosen: NDArray[np.int64]) -> Callable[[], None]:
+        """Return a function that places the links of models and sets their velocities, as rigid motions.
+
+        Parameters
+        ----------
+        parts : list of MovedLink
+        motions : (n, 13) float64
+            Read by the function, C-contiguous: of the frame of each model in the world the position x y z [m], the
+            orientation x y z w, the linear velocity [m/s] and the angular velocity [rad/s].  All must be finite.
+        chosen : (n,) int64
+            Read by the function: 1 for the models to be moved.
+
+        Returns
+        -------
+        callable
+            ``move()``.  Must not be used after one of the links has been removed.
+        """
+        return lambda: move_links(self, parts, motions, chosen)
 
     @abc.abstractmethod
     def drain_contact_events(self) -> List[ContactEvent]:

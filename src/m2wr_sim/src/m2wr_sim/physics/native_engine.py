@@ -13,6 +13,7 @@ import numpy as np
 
 from m2wr_sim.model.types import Plane
 from m2wr_sim.physics import native_ode, near_kernels
+from m2wr_sim.physics import placing_kernels as placing
 from m2wr_sim.physics import step_kernels as kernels
 from m2wr_sim.physics import step_layout as layout
 from m2wr_sim.physics.broad_phase_kernels import count_solids
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose
     from m2wr_sim.physics.contact_watch import ContactWatch
     from m2wr_sim.physics.engine import EngineSettings, ModelHandle
+    from m2wr_sim.physics.moved_links import MovedLink
     from m2wr_sim.physics.native_handles import Handles
     from m2wr_sim.physics.native_shapes import Geom
     from m2wr_sim.physics.parts import LinkBody, ModelParts, Shape
@@ -315,6 +317,30 @@ class NativeEngine(OdeWorld):
             kernel(table, out)
 
         return read
+
+    def link_mover(self, parts: Sequence[MovedLink], motions: NDArray[np.float64],
+                   chosen: NDArray[np.int64]) -> Callable[[], None]:
+        links = [self._links[part.link] for part in parts]
+        if not all(link.body is not None and link.spec.kinematic and link.countdown is None for link in links):
+            return super().link_mover(parts, motions, chosen)
+        if motions.shape != (len(chosen), 13) or not all(0 <= part.row < len(chosen) for part in parts):
+            raise ValueError("motions of %d models: an array of %s" % (len(chosen), motions.shape))
+        table, makeup = np.zeros((len(parts), placing.MOVED_WORDS), np.uint64), -1
+        values = table.view(np.float64)
+        for row, part in enumerate(parts):
+            table[row, placing.M_ROW] = part.row
+            values[row, placing.M_POSITION:placing.M_SHIFT] = (*part.pose[0], *part.pose[1], *part.centre)
+
+        def move() -> None:
+            nonlocal makeup
+            if makeup != self._makeup:          # a handle must not be used once its body may be gone
+                table[:, placing.M_BODY] = [self._handles.get(link) or 0 for link in links]
+                values[:, placing.M_SHIFT:placing.M_ROOM] = [link.com for link in links]
+                makeup = self._makeup
+            self.placements += placing.place(table, motions, chosen)
+            self.version += 1
+
+        return move
 
     def watch_contacts(self, names: Iterable[str]) -> ContactWatch:
         watch = super().watch_contacts(names)

@@ -9,7 +9,7 @@ it wants to run next; until then it steps without calling the plugin.
 from __future__ import annotations
 
 import abc
-from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple, Type, TypeVar
 
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import Pose, Quaternion, Vector
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["NEVER", "LazySensor", "Plugin", "PluginContext", "PluginReader", "driven_joint"]
 
 NEVER = None
+
+Shared = TypeVar("Shared", bound="Plugin")
 
 
 class Plugin(abc.ABC):
@@ -294,17 +296,36 @@ class PluginContext(abc.ABC):
         """
 
     @abc.abstractmethod
-    def move_model(self, pose: Pose, linear: Vector, angular: Vector) -> None:
-        """Place the whole model with its initial joint positions, and set its velocity.
+    def link_places(self) -> List[Tuple[int, Pose, Vector]]:
+        """Return the engine's numbers of all links of the whole model.
+
+        Returns
+        -------
+        list of (int, pose, (3,) float)
+            With the initial pose in the model frame, and the centre of mass in the link frame [m].
+        """
+
+    @abc.abstractmethod
+    def shared(self, plugin_class: Type[Shared]) -> Shared:
+        """Return the world's only plugin of a class, which plugins of many models use together.
+
+        The first call makes it, without arguments; it is not configured. It is called before the plugin that asked
+        first, and stays until the world ends.
 
         Parameters
         ----------
-        pose : pose
-            Of the model frame in the world.
-        linear : (3,) float
-            Velocity [m/s] of the origin of the model frame, in world axes.
-        angular : (3,) float
-            Angular velocity [rad/s], in world axes.
+        plugin_class : type
+        """
+
+    @abc.abstractmethod
+    def hand_over(self, function: Callable[[Any], object], message: Any) -> None:
+        """Call a function as a part of this plugin: if it raises an exception, this plugin is switched off.
+
+        Parameters
+        ----------
+        function : callable
+        message : object
+            Its argument.
         """
 
     @abc.abstractmethod

@@ -14,56 +14,41 @@ from m2wr_sim.control.pose_track import PoseScript, PoseTrack
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import multiply, quaternion_from_rpy, yaw_of
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
-from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
-from m2wr_sim.runtime.schedule import first_step
+from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
+from m2wr_sim.plugins.crowd import Crowd
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion
 
-PERIOD_NS = 33333333            # Gazebo moves actors 30 times a second of simulated time
 SPEED = 0.8                     # m/s, default of the trajectory plugin
 MOST_POINTS = 100000
 LONGEST = 1e9                   # s: thirty years
 TURNING = 0.3                   # s, for a turn on the spot at a way point
-_STILL = (0.0, 0.0, 0.0)
 
 
 class ScriptedMotion(Plugin):
-    """Moves a model along a script. Between two updates it moves at constant velocity, which a contact can feel."""
+    """Moves a model along a script, together with the others of the world: see :mod:`m2wr_sim.plugins.crowd`."""
 
     places_model = True         # the model is kinematic: forces and contacts do not move it
+    _crowd: Optional[Crowd] = None
 
     def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
-        self._ctx, self._script = ctx, self._read(spec, ctx)
-        self._begin_ns = self._due_ns = ctx.now_ns
-        self._ended = self._script is None
+        script = self._read(spec, ctx)
+        if script is not None:
+            self._crowd = ctx.shared(Crowd)
+            self._member = self._crowd.join(script, ctx)
 
     def _read(self, spec: PluginReader, ctx: PluginContext) -> Optional[PoseScript]:
         """Return what to do, None for nothing; PluginError if the tags cannot be used."""
         raise NotImplementedError
 
-    def next_before(self, now_ns: int) -> Optional[int]:
-        return NEVER if self._ended else max(self._due_ns, now_ns + self._ctx.step_ns)
-
-    def before_step(self, now_ns: int) -> None:
-        script, step_ns = self._script, self._ctx.step_ns
-        if script is None:
-            return
-        # all models move in the same steps, so that the engine is not interrupted more often for many of them
-        self._due_ns = first_step((now_ns // PERIOD_NS + 1) * PERIOD_NS, now_ns, step_ns)
-        time = (now_ns - step_ns - self._begin_ns) * 1e-9           # where it is before this step
-        if time < script.delay - step_ns * 1e-9:
-            self._due_ns = max(self._due_ns, first_step(self._begin_ns + int(script.delay * 1e9), now_ns, step_ns))
-            return                                                  # its own place, until the script begins
-        pose, linear, angular = script.motion(time, (self._due_ns - now_ns) * 1e-9)
-        self._ended = time >= script.end
-        if self._ended or max(map(abs, linear + angular)) > FASTEST:        # a jump
-            linear = angular = _STILL
-        self._ctx.move_model(pose, linear, angular)
-
     def reset(self, now_ns: int, rewound: bool) -> None:
-        self._begin_ns = self._due_ns = now_ns
-        self._ended = self._script is None
+        if self._crowd is not None:
+            self._crowd.restart(self._member, now_ns)
+
+    def close(self) -> None:
+        if self._crowd is not None:
+            self._crowd.leave(self._member)
 
 
 class ActorMotion(ScriptedMotion):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import zlib
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple, Type
 
 import numpy as np
 
 from m2wr_sim.errors import ModelError, PluginError
-from m2wr_sim.geometry import compose, cross, invert, normalise_quaternion, rotate
+from m2wr_sim.geometry import compose, cross, invert
 from m2wr_sim.plugins.base import PluginContext
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion, Vector
     from m2wr_sim.model.types import Joint, Link, PluginSpec, Sensor
     from m2wr_sim.physics.engine import LinkState
+    from m2wr_sim.plugins.base import Shared
     from m2wr_sim.rendering.picture_scene import PictureScene
     from m2wr_sim.runtime.entities import LiveModel
     from m2wr_sim.runtime.simulator import Simulator
@@ -180,17 +181,15 @@ class ModelContext(PluginContext):
                 links[record.name], tuple(a + b for a, b in zip(linear, carried)),
                 tuple(a + b - c for a, b, c in zip(angular, state.angular_velocity, turning)))
 
-    def move_model(self, pose: Pose, linear: Vector, angular: Vector) -> None:
-        engine, links = self.physics, self._model.handle.links
-        origin = pose[0]
-        for record in self._model.record.links:
-            position, orientation = compose(pose, record.pose)
-            engine.set_link_pose(links[record.name], (position, normalise_quaternion(orientation)))
-            arm = rotate(orientation, record.inertial.pose[0])
-            carried = cross(angular, (position[0] + arm[0] - origin[0], position[1] + arm[1] - origin[1],
-                                      position[2] + arm[2] - origin[2]))
-            engine.set_link_velocity(links[record.name], (
-                linear[0] + carried[0], linear[1] + carried[1], linear[2] + carried[2]), angular)
+    def link_places(self) -> List[Tuple[int, Pose, Vector]]:
+        links = self._model.handle.links
+        return [(links[link.name], link.pose, link.inertial.pose[0]) for link in self._model.record.links]
+
+    def shared(self, plugin_class: Type[Shared]) -> Shared:
+        return self._simulator.plugins.shared(plugin_class)
+
+    def hand_over(self, function: Callable[[Any], object], message: Any) -> None:
+        self._simulator.plugins.hand_over(self, function, message)
 
     def refresh_scene(self) -> None:
         self.measurements += 1
@@ -217,7 +216,7 @@ class ModelContext(PluginContext):
     def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object],
                   namespace: Optional[str] = None, keep: int = 1) -> Any:
         port = self._ports.subscribe(
-            topic, message_class, lambda message: self._simulator.plugins.hand_over(self, callback, message),
+            topic, message_class, lambda message: self.hand_over(callback, message),
             namespace or "", keep)
         self._open.append(port)
         return port

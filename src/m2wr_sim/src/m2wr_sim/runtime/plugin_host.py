@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional, Set, Tuple, Type
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.types import SECOND_AXIS, PluginSpec
@@ -16,7 +16,7 @@ from m2wr_sim.runtime.schedule import misfit
 
 if TYPE_CHECKING:
     from m2wr_sim.model.types import Model, Sensor
-    from m2wr_sim.plugins.base import Plugin
+    from m2wr_sim.plugins.base import Plugin, Shared
     from m2wr_sim.runtime.entities import LiveModel
     from m2wr_sim.runtime.event_queue import Entry
     from m2wr_sim.runtime.simulator import Simulator
@@ -69,6 +69,16 @@ class PluginHost:
         """
         self.observers.append((plugin, None, label))
         self.event_queue.stale = True
+
+    def shared(self, plugin_class: Type[Shared]) -> Shared:
+        """Return the only plugin of a class that plugins of many models use together; the first call adds it."""
+        for plugin, _, _ in self._active:
+            if type(plugin) is plugin_class:
+                return plugin
+        plugin = plugin_class()
+        self._active.append((plugin, None, "the world: %s" % plugin_class.__name__))
+        self.event_queue.stale = True
+        return plugin
 
     def start_all(self, model: LiveModel, namespace: Optional[str]) -> None:
         """Start the plugins of a model; one that cannot be configured is logged and omitted.
@@ -154,7 +164,8 @@ class PluginHost:
             plugin.close()
         except Exception:
             log.exception("%s failed while closing", label)
-        context.close()
+        if context is not None:         # of a plugin of one model
+            context.close()
 
     def stop_all(self) -> None:
         """Close the plugins of all models; those of the world end without a call."""
