@@ -11,7 +11,7 @@ from m2wr_sim.control.pose_track import PoseScript, PoseTrack
 from m2wr_sim.geometry import compose, cross, quaternion_from_rpy, rotate
 from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.physics.engine import FASTEST
-from m2wr_sim.plugins.crowd import PERIOD_NS, Crowd
+from m2wr_sim.plugins.scripted_models import PERIOD_NS, ScriptedModels
 from m2wr_sim.plugins.way_points import ActorMotion
 from m2wr_sim.runtime.schedule import first_step
 from test_way_points import LINE, actor, moved, simulation, state
@@ -64,7 +64,7 @@ class Alone:
 
 
 class Context:
-    """What a crowd uses of a plugin's context; it keeps what an engine would get."""
+    """What the scripted models use of a plugin's context; it keeps what an engine would get."""
 
     model_name = "a"
 
@@ -81,40 +81,40 @@ class Context:
 
 
 @pytest.mark.parametrize("step_ns", [MS, 4 * MS, 7 * MS])
-def test_crowd_moves_as_each_script_alone(step_ns):
+def test_models_move_as_each_script_alone(step_ns):
     """Poses and velocities to 1e-12 relative; where positions are straight and nothing turns, to the last bit."""
     known = scripts()
     begins = [step_ns * (37 * k % 90) for k in range(len(known))]
-    crowd, ctx, alone, updates = Crowd(), Context(0, step_ns), [], 0
+    together, ctx, alone, updates = ScriptedModels(), Context(0, step_ns), [], 0
     for now_ns in range(step_ns, 9000 * MS, step_ns):
         for script, begin_ns in zip(known, begins):
             if begin_ns == now_ns - step_ns:                # members join in the order of their begins
                 ctx.now_ns = begin_ns
-                crowd.join(script, ctx)
+                together.join(script, ctx)
                 alone.append(Alone(script, begin_ns))
-        due_ns = crowd.next_before(now_ns - step_ns)
+        due_ns = together.next_before(now_ns - step_ns)
         expected = {row: each.update(now_ns, step_ns) for row, each in enumerate(alone)}
         expected = {row: motion for row, motion in expected.items() if motion is not None}
         ctx.given = {}
         if due_ns == now_ns:
-            crowd.before_step(now_ns)
+            together.before_step(now_ns)
         assert sorted(ctx.given) == sorted(expected)
         for row, motion in expected.items():
             assert ctx.given[row] == pytest.approx(motion, rel=1e-12, abs=1e-12)
             updates += 1
     assert updates > 2000
     live = [each.due_ns for each in alone if not each.ended]
-    assert any(each.ended for each in alone) and crowd.next_before(9000 * MS) == max(min(live), 9000 * MS + step_ns)
+    assert any(each.ended for each in alone) and together.next_before(9000 * MS) == max(min(live), 9000 * MS + step_ns)
 
 
 def test_straight_script_without_turns_is_equal_to_the_last_bit():
     script = PoseScript([track(np.random.default_rng(2), 9, None, 0.0)])
-    crowd, ctx, alone = Crowd(), Context(0, MS), Alone(script, 0)
-    crowd.join(script, ctx)
+    together, ctx, alone = ScriptedModels(), Context(0, MS), Alone(script, 0)
+    together.join(script, ctx)
     for now_ns in range(MS, 9000 * MS, MS):
         motion, ctx.given = alone.update(now_ns, MS), {}
-        if crowd.next_before(now_ns - MS) == now_ns:
-            crowd.before_step(now_ns)
+        if together.next_before(now_ns - MS) == now_ns:
+            together.before_step(now_ns)
         assert ctx.given == {} if motion is None else tuple(ctx.given[0]) == motion
 
 
@@ -161,8 +161,8 @@ def test_engines_give_equal_numbers():
     assert traces[0] == traces[1]
 
 
-def crowds(sim):
-    return [plugin for plugin, _, _ in sim.simulator.plugins.entries() if isinstance(plugin, Crowd)]
+def groups(sim):
+    return [plugin for plugin, _, _ in sim.simulator.plugins.entries() if isinstance(plugin, ScriptedModels)]
 
 
 def spawn(sim, text, name):
@@ -184,7 +184,7 @@ def test_members_come_and_go_while_others_stay():
         sim.simulator.delete("a")
         sim.simulator.delete("c")
         sim.step(None, 0.5)
-        assert len(crowds(sim)) == 1 and crowds(sim)[0].next_before(sim.simulator.now_ns) is None
+        assert len(groups(sim)) == 1 and groups(sim)[0].next_before(sim.simulator.now_ns) is None
         spawn(sim, actor(LINE), "e")
         sim.step(None, 2.0)
         assert state(sim, "e").position == pytest.approx((2.0, 2.0, 0.0), abs=1e-2)

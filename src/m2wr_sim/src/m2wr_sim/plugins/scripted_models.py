@@ -47,7 +47,7 @@ class Member:
         raise PluginError("the script of %s leads to a pose or velocity that is not finite" % self.ctx.model_name)
 
 
-class Crowd(Plugin):
+class ScriptedModels(Plugin):
     """All models that move along scripts; plugins join it with :meth:`PluginContext.shared`.
 
     All of them move in the same steps, so that the engine is not interrupted more often for many of them. Between two

@@ -15,7 +15,7 @@ from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import multiply, quaternion_from_rpy, yaw_of
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
-from m2wr_sim.plugins.crowd import Crowd
+from m2wr_sim.plugins.scripted_models import ScriptedModels
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose, Quaternion
@@ -27,28 +27,28 @@ TURNING = 0.3                   # s, for a turn on the spot at a way point
 
 
 class ScriptedMotion(Plugin):
-    """Moves a model along a script, together with the others of the world: see :mod:`m2wr_sim.plugins.crowd`."""
+    """Moves a model along a script, with the others of the world: see :mod:`m2wr_sim.plugins.scripted_models`."""
 
     places_model = True         # the model is kinematic: forces and contacts do not move it
-    _crowd: Optional[Crowd] = None
+    _together: Optional[ScriptedModels] = None
 
     def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         script = self._read(spec, ctx)
         if script is not None:
-            self._crowd = ctx.shared(Crowd)
-            self._member = self._crowd.join(script, ctx)
+            self._together = ctx.shared(ScriptedModels)
+            self._member = self._together.join(script, ctx)
 
     def _read(self, spec: PluginReader, ctx: PluginContext) -> Optional[PoseScript]:
         """Return what to do, None for nothing; PluginError if the tags cannot be used."""
         raise NotImplementedError
 
     def reset(self, now_ns: int, rewound: bool) -> None:
-        if self._crowd is not None:
-            self._crowd.restart(self._member, now_ns)
+        if self._together is not None:
+            self._together.restart(self._member, now_ns)
 
     def close(self) -> None:
-        if self._crowd is not None:
-            self._crowd.leave(self._member)
+        if self._together is not None:
+            self._together.leave(self._member)
 
 
 class ActorMotion(ScriptedMotion):
