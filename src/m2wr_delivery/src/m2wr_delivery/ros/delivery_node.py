@@ -206,9 +206,12 @@ class DeliveryNode:
         self._referee.rejected.clear()
 
     def _report(self, ended: str) -> int:
-        if not rospy.core.is_shutdown_requested():
+        try:
             for robot in self._robots.values():
                 robot.commands.publish(Twist())
+        except rospy.ROSException:
+            if not rospy.core.is_shutdown_requested():      # the report must not be lost by a shutdown
+                raise
         if math.isnan(self._referee.began):
             rospy.loginfo("the run ended before it began: %s", ended)
             return 1
