@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A study gives the same runs, with the same keys and seeds, in every process."""
+import math
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +36,15 @@ def test_each_run_has_its_own_key(tmp_path):
     assert len({task.key for task in one}) == len(one) == 3 * 2 * 2 * 2
     other = tasks(tmp_path, TEXT.format(4))
     assert not {task.key for task in one} & {task.key for task in other}
+
+
+def test_patience_makes_other_runs_and_none_leaves_them(tmp_path):
+    one = tasks(tmp_path, TEXT.format(3))
+    patient = tasks(tmp_path, "patience: 30\n" + TEXT.format(3))
+    assert {task.patience for task in patient} == {30.0} and {task.patience for task in one} == {math.inf}
+    assert not {task.key for task in one} & {task.key for task in patient}
+    assert [task.seed for task in one] == [task.seed for task in patient]
+    assert [replace(task, patience=math.inf).key for task in patient] == [task.key for task in one]
 
 
 def test_keys_do_not_depend_on_the_place_of_files(tmp_path):

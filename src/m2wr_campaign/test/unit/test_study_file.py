@@ -33,6 +33,7 @@ def test_lists_of_values_become_combinations(tmp_path):
     ("study: one", "", "s.yaml: study is missing; expected a text"),
     ("repeats: 5", "repeats: five", "s.yaml: repeats: read 'five'; expected a whole number from 1 to 10000"),
     ("repeats: 5", "repeats: 0", "s.yaml: repeats: read 0; expected a whole number from 1 to 10000"),
+    ("repeats: 5", "patience: .inf", "s.yaml: patience: read inf; expected a number from 1 to 100000 s"),
     ("repeats: 5", "repeat: 5", "s.yaml: repeat is not known, did you mean repeats?; known are"),
     ("count: 3", "count: true", "s.yaml: worlds[0].count: read True; expected a whole number"),
     ("fill: [0.1, 0.2]", "fill: 0.9", "s.yaml: worlds[0].parameters.fill: read 0.9; expected a number from 0 to 0.5"),

@@ -13,6 +13,7 @@ from m2wr_navigation.compare.comparison import Comparison
 from m2wr_navigation.compare.page import page, thinned
 from m2wr_navigation.compare.planned import costmap_of
 from m2wr_navigation.costmap.cost_layout import LETHAL
+from m2wr_navigation.methods.method import Decision
 from m2wr_view.outlines import Outline, point_distances
 
 
@@ -30,6 +31,16 @@ def test_a_planned_path_and_a_method_come_near_to_the_optimum(made):
         assert entry.success and 1.0 <= entry.ratio < most and entry.contacts == 0, entry
         assert entry.ratio == pytest.approx(entry.length / comparison.optimum.length)
         assert np.hypot(*(entry.path[-1] - (-7.0, -4.0))) < 0.25 and 10.0 < entry.time < 60.0
+
+
+@pytest.mark.parametrize("linear, angular, outcome, seconds", [
+    (0.0, 0.0, "stuck", 10.0), (0.4, 1.0, "stuck", 10.0), (0.3, 0.0, "time out", 15.0)])
+def test_a_robot_that_comes_nowhere_ends_its_drive(linear, angular, outcome, seconds):
+    comparison = Comparison("world03", (0.0, 8.0, 0.0), (-7.0, -4.0), limit=15.0, patience=10.0)
+    entry = comparison.decided("mine", lambda result: Decision(linear, angular), 1)
+    assert entry.outcome == outcome and not entry.success
+    assert entry.time == pytest.approx(seconds, abs=0.2)
+    assert outcome != "stuck" or re.match(r"it moved less than 1 m from \(.*\) in 10 s", entry.reason), entry.reason
 
 
 def test_the_clearance_is_that_of_the_robots_outline(made):

@@ -62,13 +62,13 @@ class _Place:
     """
 
     def __init__(self, task: RunTask) -> None:
-        self.key = (task.world.key, task.robot.key, task.noise, task.limit)
+        self.key = (task.world.key, task.robot.key, task.noise, task.limit, task.patience)
         robot = task.robot.robot
         if task.noise >= 0.0:
             assert not isinstance(robot.model, str)
             robot = replace(robot, model=with_noise(robot.model, task.noise))
         self.comparison = Comparison(read_world(task.world.world), task.world.start, task.world.goal, task.limit, 0,
-                                     robot)
+                                     robot, task.patience)
         optimum = self.comparison.optimum
         straight = math.hypot(*(optimum.points[-1] - optimum.points[0]))
         self.measures = {"optimum": optimum.length, "tortuosity": optimum.length / max(straight, 1e-9),
@@ -94,7 +94,7 @@ def _places() -> List[_Place]:
 def place_of(task: RunTask) -> _Place:
     """Return the world of a task with its robot, kept from an earlier run if there was one."""
     places = _places()
-    key = (task.world.key, task.robot.key, task.noise, task.limit)
+    key = (task.world.key, task.robot.key, task.noise, task.limit, task.patience)
     for number, place in enumerate(places):
         if place.key == key:
             places.append(places.pop(number))       # the ones used longest ago are dropped

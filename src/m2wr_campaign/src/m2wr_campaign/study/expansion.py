@@ -48,7 +48,7 @@ def tasks_of(study: Study, kept: Kept = lambda recipe: None) -> Iterator[RunTask
                 for noise, fault, method, repeat in product(study.noise, study.faults, study.methods,
                                                             range(study.repeats)):
                     yield RunTask(number, world, robot, method, noise, repeat, study.seed, study.limit,
-                                  study.time_limit, fault)
+                                  study.time_limit, fault, study.patience)
                     number += 1
 
 

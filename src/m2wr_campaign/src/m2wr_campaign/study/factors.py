@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple, Union
@@ -155,6 +156,8 @@ class RunTask:
         Greatest wall time [s].
     fault : StudyFault, optional
         Of sensors or drive.
+    patience : float, optional
+        Simulated time in which a robot that moves less than 1 m is stuck [s].
     """
 
     number: int
@@ -167,6 +170,7 @@ class RunTask:
     limit: float
     time_limit: float
     fault: StudyFault = StudyFault()
+    patience: float = math.inf
 
     @property
     def key(self) -> str:
@@ -175,7 +179,8 @@ class RunTask:
         return key_of(self.study_seed, self.world.key, self.robot.key, self.method.name, list(self.method.parameters),
                       self.noise, self.repeat, self.limit,
                       *([] if program is None else [program.digest, os.path.relpath(program.path, program.folder)]),
-                      *([self.fault.label] if self.fault.label else []))
+                      *([self.fault.label] if self.fault.label else []),
+                      *(["patience", self.patience] if math.isfinite(self.patience) else []))
 
     @property
     def seed(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, Optional, Tuple
@@ -93,6 +94,8 @@ class Study:
     noise : tuple of float
         Standard deviations of the laser's readings [m].
     faults : tuple of StudyFault
+    patience : float
+        Simulated time in which a robot that moves less than 1 m is stuck [s]; infinite: only methods give up.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Study:
     methods: Tuple[StudyMethod, ...]
     noise: Tuple[float, ...]
     faults: Tuple[StudyFault, ...] = (StudyFault(),)
+    patience: float = math.inf
 
     @property
     def count(self) -> int:
@@ -146,7 +150,8 @@ def read_study(path: str, methods: Optional[Tuple[StudyMethod, ...]] = None) -> 
         tuple(entry for k, value in enumerate(fields.entries("worlds", expected="a list of worlds"))
               for entry in _worlds(fields.entry("worlds", k, value), folder)),
         tuple(_robot(fields, k, value, folder) for k, value in enumerate(fields.entries("robots", ["m2wr"]))),
-        _methods(fields, folder) if methods is None else methods, tuple(map(float, noise)), _faults(fields))
+        _methods(fields, folder) if methods is None else methods, tuple(map(float, noise)), _faults(fields),
+        fields.number("patience", 1.0, 1e5, unit="s") if "patience" in fields else math.inf)
     fields.end()
     for method in study.methods:
         if method.program is not None and study.faults != (StudyFault(),):

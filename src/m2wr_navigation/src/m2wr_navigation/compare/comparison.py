@@ -103,6 +103,8 @@ class Comparison:
     seed : int
         Of the noise of the sensors.
     robot : Robot, optional
+    patience : float, optional
+        As of :func:`m2wr_navigation.compare.drive.drive` [s].
 
     Attributes
     ----------
@@ -119,8 +121,8 @@ class Comparison:
     """
 
     def __init__(self, world: Union[World, str], start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0,
-                 robot: Robot = M2WR_ROBOT) -> None:
-        self._world, self._limit, self._seed = read_world(world), limit, seed
+                 robot: Robot = M2WR_ROBOT, patience: float = math.inf) -> None:
+        self._world, self._limit, self._seed, self._patience = read_world(world), limit, seed, patience
         self.name = world if isinstance(world, str) else world.name
         self.start, self.goal = tuple(map(float, start)), tuple(map(float, goal))
         self.obstacles = obstacle_outlines(self._world, FLOOR, robot.body.height, (self.start[0], self.start[1]))
@@ -174,7 +176,7 @@ class Comparison:
         seed : int
             Of the noise of the sensors.
         """
-        run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
+        run = self._drive(decide, seed)
         return self._entry(name, "program", run, run.cpu_ms)
 
     def _method(self, name: str, seed: int, parameters: Mapping[str, Any],
@@ -182,7 +184,7 @@ class Comparison:
         kind = registry.find(registry.METHODS, name)
         made = kind(read(kind.PARAMETERS, dict(self.robot.limits, **parameters), name)[0], self.robot.body)
         decide = around(method_decisions(made, self.goal))
-        run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
+        run = self._drive(decide, seed)
         return self._entry(name, "method", run, run.cpu_ms)
 
     def _planner(self, name: str, seed: int, parameters: Mapping[str, Any],
@@ -192,8 +194,11 @@ class Comparison:
             run = Drive(UNREACHABLE, plan.reason, np.array([self.start]), 0.0, 0, spent)
         else:
             decide = around(Follower(plan.poses, self._costmap, self.robot))
-            run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
+            run = self._drive(decide, seed)
         return self._entry(name, "planner", run, spent)
+
+    def _drive(self, decide: Decide, seed: int) -> Drive:
+        return drive(self._world, self.start, decide, self._limit, seed, self.robot, self._patience)
 
     def _entry(self, name: str, kind: str, run: Drive, spent: float) -> Entry:
         path = np.concatenate([[self._axle], self.robot.body.axles(run.poses)])
