@@ -215,4 +215,4 @@ def test_parquet_needs_pyarrow_and_says_so(path, tmp_path, capsys, monkeypatch):
     assert command.main([path, str(tmp_path / "runs.parquet")]) == 1
     assert "pyarrow, which is not installed; write .csv" in capsys.readouterr().err
     assert command.main([path, str(tmp_path / "runs.txt")]) == 1
-    assert "expected a name that ends in .csv or .parquet" in capsys.readouterr().err
+    assert "expected a name that ends in .csv, .csv.gz, .parquet" in capsys.readouterr().err

@@ -9,13 +9,14 @@ import sys
 import time
 from contextlib import ExitStack, closing
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, List, Optional, Tuple, Union
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple, Union
 
 from m2wr_campaign.runner.cluster import Cluster, ClusterError, embedded_scheduler
 from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versions
 from m2wr_campaign.runner.pool import Pool
 from m2wr_campaign.runner.progress import CampaignProgress
 from m2wr_campaign.store.result_file import ResultFile, StoreError
+from m2wr_campaign.store.table_import import known_rows
 from m2wr_campaign.study.expansion import all_tasks, balanced
 from m2wr_campaign.study.fields import StudyError
 from m2wr_campaign.study.study_file import read_study
@@ -44,6 +45,9 @@ def _parser() -> argparse.ArgumentParser:
                         help="processes (default: the cores)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS",
                         help="do the runs on a cluster of Dask, such as tcp://host:8786; local: on one in this process")
+    parser.add_argument("--known", action="append", default=[], metavar="FILE",
+                        help="runs of this study that were done before, which are taken over: a table that export "
+                        "wrote (.csv, .csv.gz), or results (.sqlite); can be given more than once")
     parser.add_argument("--dry-run", action="store_true", help="only check the study and count its runs")
     return parser
 
@@ -67,13 +71,14 @@ def main(argv: Optional[List[str]] = None) -> int:
         with open(options.study, encoding="utf-8") as file:
             text = file.read()
         with ResultFile(out, writing=True) as results:
-            return run_study(study, text, results, options.workers, options.scheduler)
+            return run_study(study, text, results, options.workers, options.scheduler, options.known)
     except (StudyError, StoreError, ClusterError) as error:
         print("run: {}".format(error), file=sys.stderr)
         return 1
 
 
-def run_study(study: Study, text: str, results: ResultFile, workers: int, scheduler: str = "") -> int:
+def run_study(study: Study, text: str, results: ResultFile, workers: int, scheduler: str = "",
+              others: Sequence[str] = ()) -> int:
     """Run what is not stored yet; return the exit code.
 
     Parameters
@@ -86,6 +91,8 @@ def run_study(study: Study, text: str, results: ResultFile, workers: int, schedu
         Processes of this machine.
     scheduler : str, optional
         Address of a cluster, which is used instead, or ``local``.
+    others : sequence of str, optional
+        Files with runs that were done before.
 
     Returns
     -------
@@ -96,6 +103,10 @@ def run_study(study: Study, text: str, results: ResultFile, workers: int, schedu
     results.add_worlds({task.world.key: task.world for task in tasks}.values())
     results.begin(study.name, text, [task.key for task in tasks])
     known = results.finished()
+    for path in others:
+        count = results.add_all(known_rows(path, {task.key: task for task in tasks if task.key not in known}))
+        print("{} runs of this study are taken over from {}".format(count, path))
+        known = results.finished()
     left = balanced([task for task in tasks if task.key not in known])
     progress = CampaignProgress(len(tasks), len(tasks) - len(left), sys.stdout, time.monotonic)
     code = 0

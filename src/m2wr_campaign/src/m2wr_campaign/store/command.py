@@ -19,7 +19,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--bags", metavar="FOLDER", default="", help="write the last ten seconds of each failed run, "
                         "where it has a bag of them, to FOLDER/KEY.bag; KEY is that of the table")
     parser.add_argument("results", metavar="RESULTS.sqlite", help="what the command run made")
-    parser.add_argument("out", metavar="OUT.csv", help="the table; .parquet for Parquet")
+    parser.add_argument("out", metavar="OUT.csv", help="the table; .csv.gz: compressed, .parquet: Parquet")
     return parser
 
 

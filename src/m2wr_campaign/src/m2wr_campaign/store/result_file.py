@@ -203,16 +203,46 @@ class ResultFile:
             If it cannot be written; the runs before it stay.
         """
         with self._told():
-            self._data.execute("SAVEPOINT run")
-            self._data.execute("INSERT OR REPLACE INTO runs ({}) VALUES ({})".format(
-                ", ".join(RUN_NAMES), _marks(RUN_NAMES)), [row.get(name, "" if name == "fault" else None)
-                                                           for name in RUN_NAMES])
-            self._data.execute("DELETE FROM bags WHERE key = ?", (row["key"],))
-            kept, = self._data.execute("SELECT count(*) FROM bags JOIN runs USING (key) WHERE method = ? "
-                                       "AND parameters = ?", (row["method"], row["parameters"])).fetchone()
-            if row.get("bag") and kept < KEPT_BAGS:
-                self._data.execute("INSERT INTO bags VALUES (?, ?)", (row["key"], row["bag"]))
-            self._data.execute("RELEASE run")
+            self._add(row)
+
+    def add_all(self, rows: Iterable[Row]) -> int:
+        """Store all of some runs, or none if one of them cannot be had; return how many they are.
+
+        Parameters
+        ----------
+        rows : iterable of dict
+            As for :meth:`add`.
+
+        Raises
+        ------
+        StoreError
+            As :meth:`add`, and what the rows raise.
+        """
+        count = 0
+        with self._told():
+            self._data.execute("BEGIN IMMEDIATE")
+            try:
+                for row in rows:
+                    self._add(row)
+                    count += 1
+                self._data.execute("COMMIT")
+            except BaseException:
+                if self._data.in_transaction:
+                    self._data.execute("ROLLBACK")
+                raise
+        return count
+
+    def _add(self, row: Row) -> None:
+        self._data.execute("SAVEPOINT run")
+        self._data.execute("INSERT OR REPLACE INTO runs ({}) VALUES ({})".format(
+            ", ".join(RUN_NAMES), _marks(RUN_NAMES)), [row.get(name, "" if name == "fault" else None)
+                                                       for name in RUN_NAMES])
+        self._data.execute("DELETE FROM bags WHERE key = ?", (row["key"],))
+        kept, = self._data.execute("SELECT count(*) FROM bags JOIN runs USING (key) WHERE method = ? "
+                                   "AND parameters = ?", (row["method"], row["parameters"])).fetchone()
+        if row.get("bag") and kept < KEPT_BAGS:
+            self._data.execute("INSERT INTO bags VALUES (?, ?)", (row["key"], row["bag"]))
+        self._data.execute("RELEASE run")
 
     def runs(self) -> Iterator[Row]:
         """Yield the runs of the present plan in its order, without their paths."""
@@ -231,13 +261,18 @@ class ResultFile:
         return [dict(row, outlines=[Outline(np.array(corners, float).reshape(-1, 2), radius)
                                     for corners, radius in json.loads(_unpacked(row["outlines"]))]) for row in rows]
 
-    def path_of(self, key: str) -> FloatArray:
-        """Return x, y (N, 2) [m] of the axle in a run; empty for a failed one."""
+    def packed_path_of(self, key: str) -> Optional[bytes]:
+        """Return the path of a run as it is stored, or None."""
         with self._told():
             row = self._data.execute("SELECT path FROM runs WHERE key = ?", (key,)).fetchone()
-        if row is None or row["path"] is None:
+        return None if row is None else row["path"]
+
+    def path_of(self, key: str) -> FloatArray:
+        """Return x, y (N, 2) [m] of the axle in a run; empty for a failed one, or one that came from a table."""
+        packed = self.packed_path_of(key)
+        if packed is None:
             return np.zeros((0, 2))
-        return np.frombuffer(_unpacked(row["path"]), "<f4").reshape(-1, 2).astype(float)
+        return np.frombuffer(_unpacked(packed), "<f4").reshape(-1, 2).astype(float)
 
     def bags(self) -> Iterator[Tuple[str, bytes]]:
         """Yield key and bag of each failed run that has one, by key."""

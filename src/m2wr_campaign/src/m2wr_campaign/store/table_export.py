@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes the runs of a results file as a table: CSV, or Parquet where pyarrow is installed."""
+"""Writes the runs of a results file as a table: CSV, compressed or not, or Parquet where pyarrow is installed."""
 from __future__ import annotations
 
 import csv
+import gzip
 import importlib
 import io
 import json
-import os
 from typing import TYPE_CHECKING, Any, Dict, Iterator, List
 
 from m2wr_campaign.store.result_file import StoreError
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 WORLD_PARTS = {"world_label": "label", "world_kind": "kind", "world_number": "number",
                "world_parameters": "parameters"}
 COLUMNS = tuple(name for name in RUN_NAMES if name not in ("path", "log")) + tuple(WORLD_PARTS)
-SUFFIXES = (".csv", ".parquet")
+SUFFIXES = (".csv", ".csv.gz", ".parquet")
+MEASURED_TO = 3         # digits behind the point of CPU and wall times [s]
 
 
 def table(results: ResultFile) -> Iterator[Dict[str, Any]]:
@@ -29,6 +30,7 @@ def table(results: ResultFile) -> Iterator[Dict[str, Any]]:
     for run in results.runs():
         world = worlds[run["world"]]
         record = {name: run[name] for name in COLUMNS if name in run}
+        record.update((name, round(run[name], MEASURED_TO)) for name in ("wall", "cpu") if run[name] is not None)
         record.update((name, world[part]) for name, part in WORLD_PARTS.items())
         yield record
 
@@ -40,7 +42,7 @@ def export(results: ResultFile, path: str) -> int:
     ----------
     results : ResultFile
     path : str
-        Ends in ``.csv`` or ``.parquet``.
+        Ends in ``.csv``, ``.csv.gz`` or ``.parquet``.
 
     Returns
     -------
@@ -52,16 +54,17 @@ def export(results: ResultFile, path: str) -> int:
     StoreError
         If the file has another ending, or Parquet is not to be had.
     """
-    suffix = os.path.splitext(path)[1]
-    if suffix not in SUFFIXES:
-        raise StoreError("{}: expected a name that ends in {}".format(path, " or ".join(SUFFIXES)))
+    if not path.endswith(SUFFIXES):
+        raise StoreError("{}: expected a name that ends in {}".format(path, ", ".join(SUFFIXES)))
     records = list(table(results))
-    if suffix == ".csv":
+    if not path.endswith(".parquet"):
         text = io.StringIO()
         writer = csv.DictWriter(text, COLUMNS)
         writer.writeheader()
         writer.writerows(records)
-        write_atomically((path, [text.getvalue().encode("utf-8")]))
+        data = text.getvalue().encode("utf-8")
+        # without a time in it, the same runs give the same file
+        write_atomically((path, [gzip.compress(data, mtime=0) if path.endswith(".gz") else data]))
     else:
         write_atomically((path, [_parquet(records)]))
     return len(records)
