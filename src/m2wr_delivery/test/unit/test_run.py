@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A whole run in the simulator, the command, and the correction of a robot's position."""
 import json
+import os
+import signal
 
 import numpy as np
+import pytest
 
 from m2wr_delivery.position import GAIN, take_fix
+from m2wr_delivery.study import command
 from m2wr_delivery.study.command import main
 from m2wr_elevation.dead_reckoning import DeadReckoning
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
@@ -32,6 +36,36 @@ def test_a_robot_delivers_a_parcel_in_the_simulator(tmp_path, capsys):
     assert "result: 1 of 1 parcels delivered" in capsys.readouterr().out
     with open(output + ".json", encoding="utf-8") as file:
         assert json.load(file)["parcels"][0]["robot"] == "robot1"
+
+
+ROW = {"seed": 3, "time": 60.0, "parcels": [{"delivered": 50.0, "way_exists": True}],
+       "robots": [{"end": "", "distance": 9.0, "energy": 80.0, "charged": 0.0}]}
+
+
+def one_that_dies(task):
+    if task.seed == 4:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return dict(ROW, seed=task.seed)
+
+
+def test_a_run_that_dies_is_told_and_the_others_are_counted(monkeypatch, capsys):
+    monkeypatch.setattr(command, "_one", one_that_dies)
+    assert main(["--runs", "3", "--seed", "3", "--processes", "2"]) == 1
+    told = capsys.readouterr()
+    assert "seed 4: no result: its worker died 2 times" in told.err
+    assert "seed 3: 1 of 1" in told.out and "seed 5: 1 of 1" in told.out and "2 of 2 delivered" in told.out
+
+
+def test_ctrl_c_leaves_a_table_of_what_has_ended(monkeypatch, capsys):
+    def rows(*_):
+        yield ROW
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command.Pool, "rows", rows)
+    with pytest.raises(KeyboardInterrupt):
+        main(["--runs", "2"])
+    told = capsys.readouterr().out
+    assert "stopped: 1 of 2 runs have ended" in told and "1 of 1 delivered" in told
 
 
 def test_wrong_arguments_are_refused(capsys):

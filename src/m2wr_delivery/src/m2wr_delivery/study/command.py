@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import sys
+from contextlib import closing
 from dataclasses import fields
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
+from m2wr_campaign.runner.pool import Pool
 from m2wr_delivery import figure, report
 from m2wr_delivery.scenario import Settings, make_scenario
 from m2wr_delivery.study.run import Runner
 from m2wr_navigation.compare.statistics import wilson
+from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_sim.errors import SimError
 
 EXAM = 1000                 # seeds below it were used while the robots were programmed
+TIME_LIMIT = 3600.0         # s of wall time for a run
+
+
+class Task(NamedTuple):
+    """One run: seed of its field, what it has, and the path of its files without extension."""
+
+    seed: int
+    settings: Settings
+    output: str
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -49,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _one(task: Tuple[int, Settings, str]) -> Dict[str, Any]:
+def _one(task: Task) -> Dict[str, Any]:
     seed, settings, output = task
     scenario = make_scenario(seed, settings)
     runner = Runner(scenario)
@@ -61,6 +72,37 @@ def _one(task: Tuple[int, Settings, str]) -> Dict[str, Any]:
     report.write(output + ".json", result)
     figure.save(output + ".png", scenario, runner.referee)
     return result
+
+
+def _lost(task: Task, reason: str, log: str, _: float) -> Dict[str, Any]:
+    """Return what is told of a run whose process ended, or took too long."""
+    return {"seed": task.seed, "lost": reason, "log": log}
+
+
+def _many(tasks: Sequence[Task], processes: int) -> int:
+    """Do runs, each in a process of its own, and print a table of those that ended; return the exit code."""
+    results: List[Dict[str, Any]] = []
+    lost = 0
+    compile_kernels()           # once, before the processes are forked
+    pool: Pool[Task] = Pool(_one, _lost, min(processes, len(tasks)))
+    try:
+        with closing(pool.rows(tasks, TIME_LIMIT)) as rows:
+            for row in rows:
+                if "lost" in row:
+                    lost += 1
+                    print("seed {}: no result: {}\n{}".format(row["seed"], row["lost"], row["log"]), file=sys.stderr)
+                    continue
+                results.append(row)
+                print("seed {}: {} of {} delivered in {:.0f} s".format(
+                    row["seed"], sum(parcel["delivered"] is not None for parcel in row["parcels"]),
+                    len(row["parcels"]), row["time"]), flush=True)
+    except KeyboardInterrupt:
+        print("\nstopped: {} of {} runs have ended".format(len(results), len(tasks)))
+        raise                   # the exit code is that of an interruption
+    finally:
+        if results:
+            sys.stdout.write(_table(results))
+    return int(lost > 0 or not all(map(report.succeeded, results)))
 
 
 def _table(results: List[Dict[str, Any]]) -> str:
@@ -92,7 +134,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     Returns
     -------
     int
-        Exit code: 0; 1 if a parcel was not delivered to which a way leads; 2 if something given is wrong.
+        Exit code: 0; 1 if a parcel was not delivered to which a way leads, or a run gave no result; 2 if something given
+        is wrong; 130 after Ctrl-C.
     """
     given = _parser().parse_args(arguments)
     try:
@@ -101,20 +144,11 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
                 given.runs, given.processes, given.seed))
         settings = Settings(**{one.name: getattr(given, one.name) for one in fields(Settings)})
         if given.runs == 1:
-            results = [_one((given.seed, settings, given.output))]
-            sys.stdout.write(report.text_of(results[0]))
-        else:
-            tasks = [(seed, settings, "{}_{}".format(given.output, seed))
-                     for seed in range(given.seed, given.seed + given.runs)]
-            results = []
-            with multiprocessing.get_context("spawn").Pool(min(given.processes, given.runs)) as pool:
-                for result in pool.imap(_one, tasks):
-                    results.append(result)
-                    done = sum(row["delivered"] is not None for row in result["parcels"])
-                    print("seed {}: {} of {} delivered in {:.0f} s".format(
-                        result["seed"], done, len(result["parcels"]), result["time"]), flush=True)
-            sys.stdout.write(_table(results))
+            result = _one(Task(given.seed, settings, given.output))
+            sys.stdout.write(report.text_of(result))
+            return 0 if report.succeeded(result) else 1
+        return _many([Task(seed, settings, "{}_{}".format(given.output, seed))
+                      for seed in range(given.seed, given.seed + given.runs)], given.processes)
     except (ValueError, OSError, SimError) as error:
         print("simulate: {}".format(error), file=sys.stderr)
         return 2
-    return 0 if all(map(report.succeeded, results)) else 1

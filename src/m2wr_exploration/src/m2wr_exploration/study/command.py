@@ -124,6 +124,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _tell(rows: List[Dict[str, Any]], strategies: List[str], path: str) -> None:
+    """Print the table of all runs that have ended, and write them to a file, if it has a name."""
+    if rows:
+        print(_HEAD)
+        for name in strategies:
+            print(line(name, [row for row in rows if row["strategy"] == name]))
+        if path:
+            write_json(path, rows)
+
+
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return its exit code: 2 if a run saw less than 99 %, or had a contact."""
     parser = _parser()
@@ -153,17 +163,19 @@ def main(argv: Optional[List[str]] = None) -> int:
     pool: Pool[Task] = Pool(partial(perform, places, offline, navigation_parameters(), options.seed), lost,
                             min(options.workers, len(tasks)))
     rows: List[Dict[str, Any]] = []
-    with closing(pool.rows(tasks, TIME_LIMIT)) as results:
-        for row in results:
-            rows.append(row)
-            if row["share"] < ENOUGH or row["contacts"]:
-                print("%s, %s: %.1f %% of %.0f m^2 seen, %d contacts; %s" % (
-                    row["world"], row["strategy"], 100.0 * row["share"], row["area"], row["contacts"], row["ended"]))
-    print(_HEAD)
-    for name in strategies:
-        print(line(name, [row for row in rows if row["strategy"] == name]))
-    if options.json:
-        write_json(options.json, rows)
+    try:
+        with closing(pool.rows(tasks, TIME_LIMIT)) as results:
+            for row in results:
+                rows.append(row)
+                if row["share"] < ENOUGH or row["contacts"]:
+                    print("%s, %s: %.1f %% of %.0f m^2 seen, %d contacts; %s" % (
+                        row["world"], row["strategy"], 100.0 * row["share"], row["area"], row["contacts"],
+                        row["ended"]))
+    except KeyboardInterrupt:
+        print("\nstopped: %d of %d runs have ended" % (len(rows), len(tasks)))
+        raise
+    finally:
+        _tell(rows, strategies, options.json)
     if options.figure:
         from m2wr_exploration.study.figure import draw
         draw(rows, strategies, options.figure)

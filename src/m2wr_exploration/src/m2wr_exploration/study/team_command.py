@@ -106,6 +106,17 @@ def line(robots: int, rows: Sequence[Mapping[str, Any]], fewest: int) -> str:
         "%.1f" % np.median(lengths) if lengths else "")
 
 
+def _tell(rows: List[Dict[str, Any]], numbers: List[int]) -> None:
+    """Print the table of all runs that have ended."""
+    if not rows:
+        return
+    print(_HEAD.replace("one robot", "%d robots" % numbers[0] if numbers[0] > 1 else "one robot"))
+    for robots in numbers:
+        print(line(robots, rows, numbers[0]))
+    print("times: of the %d places where every team saw 99 %%; in brackets 95 %% intervals" % len(
+        times(rows, numbers[0])))
+
+
 def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the command.
 
@@ -147,19 +158,20 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
     pool: Pool[Task] = Pool(partial(perform, places, navigation_parameters(), options.seed), lost,
                             min(options.workers, len(tasks)))
     rows: List[Dict[str, Any]] = []
-    with closing(pool.rows(tasks, TIME_LIMIT)) as results:
-        for row in results:
-            rows.append(row)
-            print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
-                row["world"], row["robots"], 100.0 * row["share"], row["area"], row["enough"], row["contacts"]),
-                flush=True)         # each takes a minute
-            if options.json:
-                write_json(options.json, rows)      # what there is, should the study be interrupted
-    print(_HEAD.replace("one robot", "%d robots" % numbers[0] if numbers[0] > 1 else "one robot"))
-    for robots in numbers:
-        print(line(robots, rows, numbers[0]))
-    print("times: of the %d places where every team saw 99 %%; in brackets 95 %% intervals" % len(
-        times(rows, numbers[0])))
+    try:
+        with closing(pool.rows(tasks, TIME_LIMIT)) as results:
+            for row in results:
+                rows.append(row)
+                print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
+                    row["world"], row["robots"], 100.0 * row["share"], row["area"], row["enough"], row["contacts"]),
+                    flush=True)         # each takes a minute
+                if options.json:
+                    write_json(options.json, rows)      # what there is, should the study be killed
+    except KeyboardInterrupt:
+        print("\nstopped: %d of %d runs have ended" % (len(rows), len(tasks)))
+        raise
+    finally:
+        _tell(rows, numbers)
     if options.figure:
         from m2wr_exploration.study.figure import draw_teams
         draw_teams(rows, numbers, options.figure)
