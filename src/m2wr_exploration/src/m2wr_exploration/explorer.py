@@ -39,6 +39,7 @@ AUCTION_REACH = 10.0        # m: range of the laser, within which frontiers near
 EXPLORING, RETURNING, DONE = "exploring", "returning", "done"
 NEARER = 0.05               # m: by which the distance to the goal has to shrink to count as progress
 SAME_GOAL = 0.1             # m: a goal that has moved less is not sent again
+CLOSER = 0.5                # m: by which the way to another place to look from has to be shorter
 SAME_FRONTIER = 0.5         # m: frontiers whose centres are nearer are one
 GROWTH = 0.5                # m^2: by which the known area has to grow to count as progress
 CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
@@ -117,6 +118,7 @@ class Explorer:
         self._start: Optional[FloatArray] = None
         self._began: Optional[float] = None
         self._points: FloatArray = np.empty((0, 2))     # of the target, unknown when its goal was sent [m]
+        self._looks_from = False            # whether the goal is a place from which the target is in sight
         self._arrived: Optional[float] = None           # s: when the robot came to its goal, and looks since then
         self._best, self._progress = math.inf, 0.0
         self._empty_since: Optional[float] = None
@@ -302,15 +304,28 @@ class Explorer:
             return Decision(messages=tuple(messages))
         same = self.target is not None and self._goal is not None \
             and float(np.hypot(*(chosen.goal - self._goal[:2]))) < SAME_GOAL
-        if same:
+        if same or chosen is kept and self._keeps_place(chosen):
             self.target = chosen
             return Decision(messages=tuple(messages))
         heading = math.atan2(*(chosen.centre - chosen.goal)[::-1]) if np.any(chosen.centre != chosen.goal) else pose[2]
         if chosen is not kept:
             self._best, self._progress = float(np.hypot(*(chosen.goal - pose[:2]))), now
         self.target, self._goal = chosen, np.array([chosen.goal[0], chosen.goal[1], heading])
-        self._arrived = None
+        self._looks_from, self._arrived = not chosen.beside, None
         return Decision(self._goal.copy(), messages=tuple(messages))
+
+    def _keeps_place(self, now: Frontier) -> bool:
+        """Return whether the goal is a place to look from that can be reached, and the place of now is not much nearer.
+
+        The end of a wall is in sight from both sides, and which side is nearer changes with each scan. As each change
+        makes the way shorter, there are few. A goal beside a frontier moves on with it.
+        """
+        assert self.view is not None
+        if self._goal is None or not self._looks_from:
+            return False
+        cell = self.view.costmap.cell(self._goal[0], self._goal[1])
+        return cell is not None and bool(np.isfinite(self.view.distance[cell])
+                                         and now.path > self.view.distance[cell] - CLOSER)
 
     @staticmethod
     def _auctioned(view: View, frontiers: List[Frontier], others: Sequence[Teammate]) -> Optional[Frontier]:

@@ -71,6 +71,8 @@ class Frontier:
         Straight distance from the robot to the nearest point [m].
     path : float
         Length of the path from the robot to the goal [m].
+    beside : bool
+        Whether the goal is beside it, and not a place from which it is in sight.
     """
 
     cells: IndexArray
@@ -81,6 +83,7 @@ class Frontier:
     size: float
     nearest: float
     path: float
+    beside: bool = True
 
 
 @dataclass(frozen=True)
@@ -270,7 +273,8 @@ def _frontier(costmap: Costmap, robot: FloatArray, distance: Float32Array, cells
     best = int(np.argmin(distance[views[:, 0], views[:, 1]] if by_path else np.square(places - centre).sum(axis=1)))
     row, column = int(views[best, 0]), int(views[best, 1])
     return Frontier(cells, points, centre, places[best], (row, column), len(cells) * costmap.resolution,
-                    float(np.sqrt(np.square(points - robot).sum(axis=1).min())), float(distance[row, column]))
+                    float(np.sqrt(np.square(points - robot).sum(axis=1).min())), float(distance[row, column]),
+                    not by_path)
 
 
 def gain(costmap: Costmap, frontier: Frontier, reach: float, seen: Optional[Uint8Array] = None) -> float:

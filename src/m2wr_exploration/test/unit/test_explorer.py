@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from exploration_grids import World
+from exploration_grids import World, grid
 from m2wr_exploration.explorer import DONE, PARAMETERS, RETURNING, Explorer
+from m2wr_exploration.frontiers import Frontier, View
 from m2wr_exploration.registry import find
 from m2wr_navigation.parameters import read
 
@@ -65,6 +66,42 @@ def test_aborted_goals_are_told_tried_again_and_given_up():
     assert any("could not be reached: a reason" in text for text in told)
     assert any("they will be tried again" in text for text in told)
     assert "given up" in told[-1] and "a reason" in told[-1]
+
+
+def end_of_a_wall(goal, beside, path=1.4):
+    """A view of one frontier, the end of a wall, with the goal."""
+    costmap = grid("\n".join(["." * 10] * 10))
+    cell = costmap.cell(*goal)
+    points = np.array([(2.75, 3.25), (2.75, 3.75)])
+    distance = np.full(costmap.shape, path, np.float32)
+    target = Frontier(costmap.cells(points), points, points.mean(axis=0), np.array(goal), cell, 1.0, 1.0, path, beside)
+    return View(costmap, np.array([2.75, 1.25]), distance, [target])
+
+
+LEFT, RIGHT, AHEAD = (1.25, 2.75), (4.25, 2.75), (3.25, 2.75)
+
+
+def goals_for(monkeypatch, views):
+    """Return the goals that are sent for some views in turn, one each second."""
+    made, goals = explorer(), []
+    for now, view in enumerate(views):
+        monkeypatch.setattr("m2wr_exploration.explorer.look", lambda *_, found=view: found)
+        goal = made.step(float(now), view.costmap, np.array((2.75, 1.25, 1.5))).goal
+        goals.append(None if goal is None else tuple(goal[:2].tolist()))
+    return goals
+
+
+def test_a_place_to_look_from_is_kept_and_one_beside_moves(monkeypatch):
+    assert goals_for(monkeypatch, 3 * [end_of_a_wall(LEFT, False), end_of_a_wall(RIGHT, False)]) == [LEFT] + [None] * 5
+    assert goals_for(monkeypatch, 3 * [end_of_a_wall(LEFT, True), end_of_a_wall(RIGHT, True)]) == 3 * [LEFT, RIGHT]
+
+
+def test_a_place_that_is_much_farther_or_closed_is_not_kept(monkeypatch):
+    nearer, closed = end_of_a_wall(AHEAD, False, 0.8), end_of_a_wall(RIGHT, False)
+    nearer.distance[:] = 1.4
+    closed.distance[closed.costmap.cell(*LEFT)] = np.inf
+    assert goals_for(monkeypatch, [end_of_a_wall(LEFT, False), nearer]) == [LEFT, AHEAD]
+    assert goals_for(monkeypatch, [end_of_a_wall(LEFT, False), closed]) == [LEFT, RIGHT]
 
 
 def test_a_robot_that_does_not_move_is_noticed():
