@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from m2wr_navigation.costmap.layer import Window, no_bounds
-from m2wr_navigation.costmap.obstacle_kernels import clear, mark
+from m2wr_navigation.costmap.obstacle_kernels import clear, mark, surface_cells
 
 ORIGIN = np.array([-1.0, -1.0])
 
@@ -71,3 +71,37 @@ def test_an_end_that_is_not_finite_clears_nothing(end):
 def test_a_sensor_outside_of_the_grid_clears_nothing():
     grid, bounds, count = cleared([[0.0, 0.0, 0.0]], sensor=(3.0, 0.0, 0.0))
     assert count == 0 and (grid == 254).all() and Window.of(bounds).is_empty
+
+
+def walls(grid, ends, reach=5.0, increment=0.2, sensor=(-0.9, 0.05, 0.0)):
+    return {tuple(cell) for cell in surface_cells(grid, 0.1, ORIGIN, np.array(ends, float), np.array(sensor), reach,
+                                                  increment).tolist()}
+
+
+def test_a_wall_that_a_scan_looks_along_is_kept():
+    grid = np.zeros((20, 20), np.uint8)
+    grid[11, 3:20] = 254                                # a wall from x = -0.7 to 1.0 at y = 0.1 to 0.2
+    grid[15, 10] = 254                                  # something before nothing
+    ends = [(0.9, 0.12, 0.0), (0.1, 0.12, 0.0), (-0.3, 0.12, 0.0), (-0.5, 0.12, 0.0)]
+    found = walls(grid, ends)
+    assert {(11, column) for column in range(5, 19)} <= found and (15, 10) not in found
+    clear(grid, 0.1, ORIGIN, np.array(ends), np.array((-0.9, 0.05, 0.0)), 10.0, no_bounds())
+    assert np.count_nonzero(grid[11] == 254) < 17       # what would be lost
+
+
+@pytest.mark.parametrize("ends, options", [
+    ([(0.9, 0.12, 0.0), (-0.3, 0.12, 0.0)], {}),                                # two points alone make no surface
+    ([(0.9, 0.12, 0.0), (0.1, 0.12, 0.0), (-0.3, 0.12, 0.0)], {"increment": 0.01}),     # beams between them are missing
+    ([(0.9, 0.12, 0.0), (0.1, 0.12, 0.0), (-0.3, 0.12, 0.0)], {"reach": 0.5}),
+    ([(0.9, 0.12, 0.0), (-0.3, 0.12, 0.0), (0.5, 0.12, 0.0)], {}),              # to and fro
+    ([(0.9, 0.12, 0.0), (np.nan, 0.12, 0.0), (-0.3, 0.12, 0.0)], {}), (np.zeros((0, 3)), {})])
+def test_what_is_no_surface_may_be_freed(ends, options):
+    grid = np.zeros((20, 20), np.uint8)
+    grid[11, 3:20] = 254
+    assert not walls(grid, ends, **options)
+
+
+def test_a_scan_keeps_a_bounded_number_of_cells(monkeypatch):
+    grid = np.full((20, 20), 254, np.uint8)
+    ends = np.tile([(0.9, 0.12, 0.0), (0.1, 0.12, 0.0), (-0.3, 0.12, 0.0)], (20000, 1))
+    assert len(surface_cells(grid, 0.1, ORIGIN, ends, np.array((-0.9, 0.05, 0.0)), 5.0, 3.0)) <= 200_000

@@ -146,16 +146,19 @@ class Survey:
         sensor = np.array([x + LASER_X * cosine, y + LASER_X * sine, 0.0])
         points, free = points.dot(rotation.T) + sensor, free.dot(rotation.T) + sensor
         with self._lock:
-            self._draw(points, free, sensor)
+            self._draw(points, free, sensor, float(scan.angle_increment))
             self._free_below(np.array([x + AXLE_X * cosine, y + AXLE_X * sine, yaw]))
             self.version += 1
         return True
 
-    def _draw(self, points: FloatArray, free: FloatArray, sensor: FloatArray) -> None:
+    def _draw(self, points: FloatArray, free: FloatArray, sensor: FloatArray, increment: float) -> None:
         grid, bounds = self.costs, no_bounds()
+        walls = obstacle_kernels.surface_cells(grid.costs, grid.resolution, grid.origin, points, sensor,
+                                               _VALUES["obstacle_range"], increment)
         for ends in (points, free):
             obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends, sensor, _VALUES["raytrace_range"],
                                    bounds)
+        grid.costs[walls[:, 0], walls[:, 1]] = LETHAL
         obstacle_kernels.mark(grid.costs, grid.resolution, grid.origin, points, sensor, _VALUES["obstacle_range"],
                               -1.0, 1.0, bounds)
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
+
+
+STRAIGHT = 0.97             # cosine of the angle between two parts of a surface: 14 degrees
+MOST_WALLS = 200_000        # cells that a scan keeps
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -151,3 +156,70 @@ def clear(costs: Uint8Array, resolution: float, origin: FloatArray, points: Floa
         _extend(bounds, row + int(share * (last_row - row)), column + int(share * (last_column - column)))
         lines += 1
     return lines
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _is_surface(points: FloatArray, k: int, sensor: FloatArray, reach: float, widest: float, near: float) -> bool:
+    """Return whether points k and k + 1, of neighbouring beams, are on one surface: close, or in line with another."""
+    x, y = points[k, 0] - sensor[0], points[k, 1] - sensor[1]
+    to_x, to_y = points[k + 1, 0] - sensor[0], points[k + 1, 1] - sensor[1]
+    if not (math.hypot(x, y) < reach and math.hypot(to_x, to_y) < reach
+            and abs(math.atan2(x * to_y - y * to_x, x * to_x + y * to_y)) <= widest):
+        return False
+    across, up = to_x - x, to_y - y
+    length = math.hypot(across, up)
+    if length <= near:
+        return True
+    for other in (k - 1, k + 1):
+        if 0 <= other and other + 1 < points.shape[0]:
+            beside, above = points[other + 1, 0] - points[other, 0], points[other + 1, 1] - points[other, 1]
+            if across * beside + up * above > STRAIGHT * length * math.hypot(beside, above):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def surface_cells(costs: Uint8Array, resolution: float, origin: FloatArray, points: FloatArray, sensor: FloatArray,
+                  reach: float, increment: float) -> IndexArray:
+    """Return the lethal cells on surfaces that a scan sees, which its beams along these surfaces must not free.
+
+    A beam that is nearly parallel to a wall crosses cells that the wall only fills in part, or passes them by less
+    than a cell; its neighbours end on the same wall.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+    resolution : float
+        [m]
+    origin : (2,) float64
+        Corner of cell (0, 0) [m].
+    points : (N, 3) float64
+        Ends of the beams that hit something, in their order, in the frame of the grid [m].
+    sensor : (3,) float64
+        Position of the sensor in this frame [m].
+    reach, increment : float
+        Range within which points count [m], and the angle between two beams [rad].
+
+    Returns
+    -------
+    (M, 2) int64
+        Row and column; cells can occur more than once. At most MOST_WALLS.
+    """
+    widest, near = 1.5 * abs(increment), 2.0 * resolution
+    found, count = np.empty((MOST_WALLS, 2), np.int64), 0
+    for k in range(points.shape[0] - 1):
+        if not _is_surface(points, k, sensor, reach, widest, near):
+            continue
+        across, up = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1]
+        steps = 1 + int(2.0 * math.hypot(across, up) / resolution)
+        for step in range(steps + 1):
+            at_x = (points[k, 0] + step / steps * across - origin[0]) / resolution
+            at_y = (points[k, 1] + step / steps * up - origin[1]) / resolution
+            if not (0.0 <= at_x < costs.shape[1] and 0.0 <= at_y < costs.shape[0]):
+                continue
+            for row in range(max(0, int(at_y) - 1), min(costs.shape[0], int(at_y) + 2)):
+                for column in range(max(0, int(at_x) - 1), min(costs.shape[1], int(at_x) + 2)):
+                    if costs[row, column] == LETHAL and count < MOST_WALLS:
+                        found[count, 0], found[count, 1] = row, column
+                        count += 1
+    return found[:count].copy()
