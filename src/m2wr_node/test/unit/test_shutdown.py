@@ -3,7 +3,7 @@
 import pytest
 import rospy
 
-from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 
 
 @pytest.fixture
@@ -30,3 +30,13 @@ def test_a_late_hook_is_called_at_once_and_only_once(hooks):
     assert calls == [1]
     hooks[0][0]()
     assert calls == [1]
+
+
+def test_a_closed_topic_is_an_error_only_before_the_shutdown(hooks):
+    with pytest.raises(rospy.ROSException), until_shutdown():
+        raise rospy.ROSException("publish() to a closed topic")
+    hooks[1].append(True)
+    with until_shutdown():
+        raise rospy.ROSException("publish() to a closed topic")
+    with pytest.raises(ValueError), until_shutdown():
+        raise ValueError("something else")

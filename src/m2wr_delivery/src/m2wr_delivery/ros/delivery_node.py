@@ -25,6 +25,7 @@ from m2wr_delivery.ros.field import PARCEL, markers, pose_of, spawn
 from m2wr_delivery.scenario import Scenario, Settings, make_scenario
 from m2wr_delivery.study.run import SETTLE
 from m2wr_elevation.study.mapping import PERIOD
+from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 
@@ -111,12 +112,8 @@ class DeliveryNode:
             if now < max(began + SETTLE, next_time):
                 continue
             next_time = now + PERIOD - 1e-6
-            try:
+            with until_shutdown():
                 self._step(now, moves)
-            except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
-                    break
-                raise
             ended = self._referee.finished()
         return self._report(ended or "the node was shut down")
 
@@ -206,12 +203,9 @@ class DeliveryNode:
         self._referee.rejected.clear()
 
     def _report(self, ended: str) -> int:
-        try:
+        with until_shutdown():              # the report must not be lost by a shutdown
             for robot in self._robots.values():
                 robot.commands.publish(Twist())
-        except rospy.ROSException:
-            if not rospy.core.is_shutdown_requested():      # the report must not be lost by a shutdown
-                raise
         if math.isnan(self._referee.began):
             rospy.loginfo("the run ended before it began: %s", ended)
             return 1

@@ -134,8 +134,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     Returns
     -------
     int
-        Exit code: 0; 1 if a parcel was not delivered to which a way leads, or a run gave no result; 2 if something given
-        is wrong; 130 after Ctrl-C.
+        Exit code: 0; 1 if a parcel was not delivered to which a way leads, or a run gave no result; 2 if something
+        given is wrong.
     """
     given = _parser().parse_args(arguments)
     try:

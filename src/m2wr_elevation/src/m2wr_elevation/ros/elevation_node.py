@@ -21,6 +21,7 @@ from m2wr_elevation.dead_reckoning import DeadReckoning, heading, rotation_of
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
 from m2wr_elevation.message_arrays import layer_data, occupancy, points_of, surface, without
 from m2wr_elevation.slip import SlipMap
+from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer, frame
 
@@ -159,13 +160,10 @@ class ElevationNode:
                                        rospy.resolve_name("imu/data"))
                 continue
             try:
-                self._take(cloud, imu, odometry)
+                with until_shutdown():
+                    self._take(cloud, imu, odometry)
             except (ValueError, np.linalg.LinAlgError) as error:
                 rospy.logwarn_throttle(_TELL, "cloud on %s is refused: %s", rospy.resolve_name("points"), error)
-            except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
-                    return
-                raise
 
     def used(self) -> str:
         """Return how much processor time all threads of the node took for a cloud, without its start."""

@@ -24,7 +24,7 @@ from m2wr_exploration.ros.map_input import TELL
 from m2wr_exploration.ros.map_merge_node import init_pose
 from m2wr_exploration.ros.placer import Placer
 from m2wr_exploration.ros.team_report import TeamReport
-from m2wr_exploration.ros.team_robot import TeamRobot, until_shutdown
+from m2wr_exploration.ros.team_robot import TeamRobot
 from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.placing import Placing
 from m2wr_exploration.team.right_of_way import allowed
@@ -36,7 +36,7 @@ from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.registry import UnknownPluginError
 from m2wr_navigation.ros.grid_messages import grid_message
 from m2wr_navigation.ros.transforms import Transforms
-from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Deque, Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Deque, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -24,6 +23,7 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint_kernels import fill_polygon
 from m2wr_navigation.ros.grid_messages import grid_message
 from m2wr_navigation.ros.transforms import TransformError, Transforms
+from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.transform_buffer import fault_of
 
 if TYPE_CHECKING:
@@ -36,16 +36,6 @@ SIDE = 6.4                  # m: of the map of teammates around a robot; its loc
 NEAR = 4.6                  # m: half of the diagonal of that map
 CELL = 0.05                 # m
 OLD = 0.5                   # s after which a command of move_base does not count
-
-
-@contextmanager
-def until_shutdown() -> Iterator[None]:
-    """Ignore that a topic is closed while the node ends."""
-    try:
-        yield
-    except rospy.ROSException:
-        if not rospy.core.is_shutdown_requested():          # true before topics are closed
-            raise
 
 
 class TeamRobot:

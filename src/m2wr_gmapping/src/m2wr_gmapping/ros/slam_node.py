@@ -42,6 +42,7 @@ from m2wr_gmapping.ros.scan_input import Intake
 from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
 from m2wr_gmapping.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_gmapping.srv import StateFile, StateFileResponse
+from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import frame
 from m2wr_node.user_folder import from_user
@@ -193,16 +194,12 @@ class SlamNode:
                 return
             scan, odom_from_laser, generation = taken
             try:
-                with self._lock:
+                with self._lock, until_shutdown():
                     if generation != self._generation:
                         self._start_new_run(generation)
                     self._take(scan, odom_from_laser)
             except (ScanError, ValueError) as error:
                 self._refuse(scan, error)
-            except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
-                    return
-                raise
             except Exception as error:      # keep the map after an internal error
                 logging.getLogger("rosout").exception("scan at %.3f failed", scan.header.stamp.to_sec())
                 self._refuse(scan, error)

@@ -30,7 +30,7 @@ from m2wr_navigation.ros.amcl_messages import map_of_message, planar, pose_of_me
 from m2wr_navigation.ros.amcl_outputs import Outputs
 from m2wr_navigation.ros.reconfigure import serve
 from m2wr_navigation.ros.static_map import fetch_map
-from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
@@ -226,14 +226,10 @@ class AmclNode:
                 return
             scan, _, generation = taken
             try:
-                with self._lock:
+                with self._lock, until_shutdown():
                     self._take(scan, generation)
             except (ScanError, ValueError) as error:
                 self._refuse(scan, str(error))
-            except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
-                    return
-                raise
             except Exception as error:      # keep the pose after an internal error
                 logging.getLogger("rosout").exception("scan at %.3f failed", scan.header.stamp.to_sec())
                 self._refuse(scan, str(error))

@@ -38,6 +38,7 @@ from m2wr_navigation.ros.reconfigure import serve
 from m2wr_navigation.ros.sensor_input import SensorInput
 from m2wr_navigation.ros.transforms import TransformError, Transforms, yaw_of
 from m2wr_navigation.ros.voxel_outputs import VoxelOutputs
+from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.transform_buffer import frame
 
 if TYPE_CHECKING:
@@ -259,12 +260,8 @@ class CostmapServer:
                 time.sleep(min(LOOK, max(0.001, 1.0 / rate - (now - last))) if rate > 0.0 else LOOK)
                 continue
             last, began = now, time.thread_time()
-            try:
+            with until_shutdown():
                 self.update(now)
-            except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():
-                    return
-                raise
             self.busy_ms = 1e3 * (time.thread_time() - began)
             spent = rospy.get_time() - now
             if monitor.is_due(now, spent, 1.0 / rate):
