@@ -56,6 +56,17 @@ def test_a_run_that_dies_is_told_and_the_others_are_counted(monkeypatch, capsys)
     assert "seed 3: 1 of 1" in told.out and "seed 5: 1 of 1" in told.out and "2 of 2 delivered" in told.out
 
 
+def one_without_room(task):
+    raise ValueError("no room for 3 robots")
+
+
+def test_a_field_that_cannot_be_made_is_told_without_a_traceback(monkeypatch, capsys):
+    monkeypatch.setattr(command, "_one", one_without_room)
+    assert main(["--runs", "2"]) == 1
+    told = capsys.readouterr()
+    assert "seed 1: no result: no room for 3 robots" in told.err and "Traceback" not in told.err and not told.out
+
+
 def test_ctrl_c_leaves_a_table_of_what_has_ended(monkeypatch, capsys):
     def rows(*_):
         yield ROW

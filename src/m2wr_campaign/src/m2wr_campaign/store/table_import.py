@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Row = Dict[str, Any]
 
 PACKED, PLAIN, RESULTS = ".csv.gz", ".csv", ".sqlite"
-LARGEST_TABLE = 1_000_000_000   # bytes of a table that is not compressed: a million runs with 1 kB each
+LARGEST_TABLE = 500_000_000     # bytes of a table that is not compressed: a million runs
 LONGEST_TEXT = 8000             # characters of a value, as many as of a log
 STATES = ("done", "failed")
 NOT_READ = ("path", "log")      # no column of a table

@@ -74,6 +74,13 @@ def _one(task: Task) -> Dict[str, Any]:
     return result
 
 
+def _one_of_many(task: Task) -> Dict[str, Any]:
+    try:
+        return _one(task)
+    except (ValueError, OSError, SimError) as error:
+        return _lost(task, str(error), "", 0.0)
+
+
 def _lost(task: Task, reason: str, log: str, _: float) -> Dict[str, Any]:
     """Return what is told of a run whose process ended, or took too long."""
     return {"seed": task.seed, "lost": reason, "log": log}
@@ -84,13 +91,13 @@ def _many(tasks: Sequence[Task], processes: int) -> int:
     results: List[Dict[str, Any]] = []
     lost = 0
     compile_kernels()           # once, before the processes are forked
-    pool: Pool[Task] = Pool(_one, _lost, min(processes, len(tasks)))
+    pool: Pool[Task] = Pool(_one_of_many, _lost, min(processes, len(tasks)))
     try:
         with closing(pool.rows(tasks, TIME_LIMIT)) as rows:
             for row in rows:
                 if "lost" in row:
                     lost += 1
-                    print("seed {}: no result: {}\n{}".format(row["seed"], row["lost"], row["log"]), file=sys.stderr)
+                    print("seed {}: no result: {}".format(row["seed"], row["lost"]), row["log"], file=sys.stderr)
                     continue
                 results.append(row)
                 print("seed {}: {} of {} delivered in {:.0f} s".format(
