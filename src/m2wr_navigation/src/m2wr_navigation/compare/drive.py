@@ -12,6 +12,7 @@ import numpy as np
 from m2wr_navigation.compare.movers import Watch, movers_of
 from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.methods.method import STUCK, Decision, Method, Sensing
+from m2wr_navigation.methods.standstill import Standstill
 from m2wr_sim.api import Sim
 from m2wr_view.outlines import FLOOR
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 PERIOD = 0.05               # s: a command is given at 20 Hz
 TIME_OUT = "time out"
-PROGRESS = 1.0              # m: a robot that moves less in its patience is stuck
 
 
 @dataclass(frozen=True)
@@ -106,12 +106,12 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
         Of the noise of the sensors.
     robot : Robot, optional
     patience : float, optional
-        Simulated time in which a robot that moves less than PROGRESS is stuck, which ends the drive [s].
+        Simulated time in which a robot that moves less than 1 m is stuck, which ends the drive [s].
     """
     poses: List[Tuple[float, float, float]] = []
     contacts, spent, cycles = 0, 0.0, 0
     decision = Decision(0.0, 0.0)
-    anchor = (0.0, math.inf, math.inf)      # when and where the robot had moved by PROGRESS
+    standstill = Standstill()
     watch = Watch(movers_of(world, FLOOR, robot.body.height), robot.body.footprint)
     with Sim(world, robot.model, (float(start[0]), float(start[1]), float(start[2])), seed=seed, sensing="now") as sim:
         begun = sim.time
@@ -126,12 +126,9 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
             spent, cycles = spent + time.process_time() - before, cycles + 1
             if decision.outcome != "running":
                 break
-            since, x, y = anchor
-            if math.hypot(seen.pose[0] - x, seen.pose[1] - y) > PROGRESS:
-                anchor = (sim.time, *seen.pose[:2])
-            elif sim.time - since > patience:
-                decision = Decision(0.0, 0.0, STUCK, "it moved less than {:g} m from ({:.2f}, {:.2f}) in {:g} s".format(
-                    PROGRESS, x, y, patience))
+            stuck = standstill.look(sim.time, seen.pose[0], seen.pose[1], patience)
+            if stuck:
+                decision = Decision(0.0, 0.0, STUCK, "it " + stuck)
                 break
         else:
             decision = Decision(0.0, 0.0, TIME_OUT, "{:.0f} s".format(limit))

@@ -16,6 +16,7 @@ import numpy as np
 
 from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.methods.compiled_surroundings import CompiledSurroundings
+from m2wr_navigation.methods.standstill import Standstill
 from m2wr_navigation.parameters import Configurable, Parameter
 from motion_plan.surroundings import KEEP_RANGE
 
@@ -136,7 +137,7 @@ class Method(Configurable, ABC):
         self.body = M2WR if body is None else body
         self.goal = np.zeros(2)
         self._end: Optional[Decision] = None
-        self._anchor = (0.0, math.inf, math.inf)
+        self._standstill = Standstill()
         self.surroundings = self._new_surroundings()
 
     def begin(self, goal: Vector) -> None:
@@ -155,7 +156,7 @@ class Method(Configurable, ABC):
         if not np.isfinite(np.asarray(goal[:2], float)).all():
             raise ValueError("goal {}; expected finite numbers".format(tuple(goal[:2])))
         self.goal = np.array(goal[:2], float)
-        self._end, self._anchor = None, (0.0, math.inf, math.inf)
+        self._end, self._standstill = None, Standstill()
         self.surroundings = self._new_surroundings()
         self.restart()
 
@@ -197,13 +198,8 @@ class Method(Configurable, ABC):
         """Return the end of the drive, if it is there."""
         if view.goal_distance <= self.values["goal_tolerance"]:
             return Decision(0.0, 0.0, REACHED, "{:.2f} m from the goal".format(view.goal_distance))
-        since, x, y = self._anchor
-        if math.hypot(view.x - x, view.y - y) > 1.0:
-            self._anchor = (view.stamp, view.x, view.y)
-        elif view.stamp - since > self.values["patience"]:
-            return Decision(0.0, 0.0, STUCK, "the robot moved less than 1 m from ({:.2f}, {:.2f}) in {:.0f} s".format(
-                x, y, view.stamp - since))
-        return None
+        stuck = self._standstill.look(view.stamp, view.x, view.y, self.values["patience"])
+        return Decision(0.0, 0.0, STUCK, "the robot " + stuck) if stuck else None
 
     @abstractmethod
     def decide(self, view: View) -> Decision:
