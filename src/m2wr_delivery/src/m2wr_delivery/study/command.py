@@ -15,8 +15,8 @@ from m2wr_campaign.runner.pool import Pool
 from m2wr_delivery import figure, report
 from m2wr_delivery.scenario import Settings, make_scenario
 from m2wr_delivery.study.run import Runner
+from m2wr_elevation.kernel_warm_up import compile_kernels
 from m2wr_navigation.compare.statistics import wilson
-from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_sim.errors import SimError
 
 EXAM = 1000                 # seeds below it were used while the robots were programmed
