@@ -14,13 +14,14 @@ import tempfile
 import time
 import traceback
 from collections import deque
+from contextlib import closing, contextmanager
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Any, Callable, Dict, Generic, List, TypeVar
+from typing import TYPE_CHECKING, Any, Callable, Dict, Generic, Iterator, List, TypeVar
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
-    from typing import Deque, Generator, Iterator, Sequence, Tuple
+    from typing import Deque, Generator, Sequence, Tuple
 
 LOOK = 1.0                  # s of wall time between two looks at the tasks
 DEATHS = 2                  # of workers, after which a task is not tried again
@@ -231,3 +232,39 @@ class Pool(Generic[Task]):
             waiting.appendleft((task, count))
         else:
             yield self._lost(task, "its worker died {} times, at last by {}".format(count, how), text, spent)
+
+
+@contextmanager
+def told_rows(pool: Pool[Task], tasks: Sequence[Task], time_limit: float) -> Iterator[Iterator[Dict[str, Any]]]:
+    """Give the rows of tasks; if Ctrl-C stops them, print how many have ended.
+
+    Parameters
+    ----------
+    pool : Pool
+    tasks : sequence
+    time_limit : float
+        As of :meth:`Pool.rows`.
+
+    Yields
+    ------
+    iterator of dict
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After the print: the exit code is that of an interruption.
+    """
+    ended = 0
+
+    def counted() -> Iterator[Dict[str, Any]]:
+        nonlocal ended
+        for row in rows:
+            ended += 1
+            yield row
+
+    with closing(pool.rows(tasks, time_limit)) as rows:
+        try:
+            yield counted()
+        except KeyboardInterrupt:
+            print("\nstopped: {} of {} runs have ended".format(ended, len(tasks)))
+            raise

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from contextlib import closing
 from dataclasses import fields
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from m2wr_campaign.runner.pool import Pool
+from m2wr_campaign.runner.pool import Pool, told_rows
 from m2wr_delivery import figure, report
 from m2wr_delivery.scenario import Settings, make_scenario
 from m2wr_delivery.study.run import Runner
@@ -93,7 +92,7 @@ def _many(tasks: Sequence[Task], processes: int) -> int:
     compile_kernels()           # once, before the processes are forked
     pool: Pool[Task] = Pool(_one_of_many, _lost, min(processes, len(tasks)))
     try:
-        with closing(pool.rows(tasks, TIME_LIMIT)) as rows:
+        with told_rows(pool, tasks, TIME_LIMIT) as rows:
             for row in rows:
                 if "lost" in row:
                     lost += 1
@@ -103,9 +102,6 @@ def _many(tasks: Sequence[Task], processes: int) -> int:
                 print("seed {}: {} of {} delivered in {:.0f} s".format(
                     row["seed"], sum(parcel["delivered"] is not None for parcel in row["parcels"]),
                     len(row["parcels"]), row["time"]), flush=True)
-    except KeyboardInterrupt:
-        print("\nstopped: {} of {} runs have ended".format(len(results), len(tasks)))
-        raise                   # the exit code is that of an interruption
     finally:
         if results:
             sys.stdout.write(_table(results))

@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence
 
 import numpy as np
 
-from m2wr_campaign.runner.pool import Pool
+from m2wr_campaign.runner.pool import Pool, told_rows
 from m2wr_exploration import registry
 from m2wr_exploration.explorer import PARAMETERS
 from m2wr_exploration.study.offline import offline_length
@@ -164,16 +163,13 @@ def main(argv: Optional[List[str]] = None) -> int:
                             min(options.workers, len(tasks)))
     rows: List[Dict[str, Any]] = []
     try:
-        with closing(pool.rows(tasks, TIME_LIMIT)) as results:
+        with told_rows(pool, tasks, TIME_LIMIT) as results:
             for row in results:
                 rows.append(row)
                 if row["share"] < ENOUGH or row["contacts"]:
                     print("%s, %s: %.1f %% of %.0f m^2 seen, %d contacts; %s" % (
                         row["world"], row["strategy"], 100.0 * row["share"], row["area"], row["contacts"],
                         row["ended"]))
-    except KeyboardInterrupt:
-        print("\nstopped: %d of %d runs have ended" % (len(rows), len(tasks)))
-        raise
     finally:
         _tell(rows, strategies, options.json)
     if options.figure:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence
 
 import numpy as np
 
-from m2wr_campaign.runner.pool import Pool
+from m2wr_campaign.runner.pool import Pool, told_rows
 from m2wr_exploration import registry
 from m2wr_exploration.explorer import PARAMETERS
 from m2wr_exploration.study.scenes import LARGE, buildings, named
@@ -159,7 +158,7 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
                             min(options.workers, len(tasks)))
     rows: List[Dict[str, Any]] = []
     try:
-        with closing(pool.rows(tasks, TIME_LIMIT)) as results:
+        with told_rows(pool, tasks, TIME_LIMIT) as results:
             for row in results:
                 rows.append(row)
                 print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
@@ -167,9 +166,6 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
                     flush=True)         # each takes a minute
                 if options.json:
                     write_json(options.json, rows)      # what there is, should the study be killed
-    except KeyboardInterrupt:
-        print("\nstopped: %d of %d runs have ended" % (len(rows), len(tasks)))
-        raise
     finally:
         _tell(rows, numbers)
     if options.figure:
