@@ -60,7 +60,8 @@ def library() -> Any:
                 ("dGeomGetAABB", None, [handle, handle]), ("dGeomDestroy", None, [handle]),
                 ("dCreateBox", handle, [handle] + 3 * [ctypes.c_double]),
                 ("dBodyGetJoint", handle, [handle, ctypes.c_int]), ("dBodyGetNumJoints", ctypes.c_int, [handle]),
-                ("dJointGetType", ctypes.c_int, [handle]), ("dSpaceClean", None, [handle])):
+                ("dJointGetType", ctypes.c_int, [handle]), ("dSpaceClean", None, [handle]),
+                ("dCollide", ctypes.c_int, [handle, handle, ctypes.c_int, handle, ctypes.c_int])):
             function = getattr(_library, name)
             function.restype, function.argtypes = result, arguments
     return _library

@@ -19,6 +19,7 @@ from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
 from m2wr_sim.physics.height_field_kernels import tops_size
 from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, WORK, height_contacts
 from m2wr_sim.physics.height_window_kernels import WINDOW
+from m2wr_sim.physics.mesh_pair_kernels import are_meshes, mesh_contacts
 from m2wr_sim.physics.sliding_kernels import feel_load, slide
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
@@ -344,6 +345,8 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
     kind_one, kind_two = words[geom_one + G_KIND], words[geom_two + G_KIND]
     if kind_one != NO_SHAPE and kind_two != NO_SHAPE and (kind_one == FIELD) != (kind_two == FIELD):
         count = _ground_contacts(words, values, one, two, geom_one, geom_two, first)
+    elif kind_one == NO_SHAPE and kind_two == NO_SHAPE and are_meshes(one, two):
+        count = with_direction(values, first, mesh_contacts(words, first, one, two))
     else:
         count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
         count = with_direction(values, first, count)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 import ode
 
-from m2wr_sim.physics import dampers, height_contacts, native_ode
+from m2wr_sim.physics import dampers, height_contacts, mesh_pairs, native_ode
 from m2wr_sim.physics import pyode_bodies as bodies
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, PairSurface, has_direction, pair_surface, reduced
@@ -163,12 +163,12 @@ class PyodeEngine(OdeWorld):
             pair = self._make_pair(first, second)
         if pair is None:
             return
-        ground = height_contacts.find(first, second, pair[1], pair[2])
-        if ground is None:
-            found = [contact for contact in ode.collide(first, second)
-                     if has_direction(contact.getContactGeomParams()[1])]
-        else:
-            found = [_contact(described, first, second) for described in ground]
+        described = height_contacts.find(first, second, pair[1], pair[2])
+        if described is None:
+            described = mesh_pairs.find(first, second, pair[1], pair[2])
+        found = ode.collide(first, second) if described is None else [
+            _contact(each, first, second) for each in described]
+        found = [contact for contact in found if has_direction(contact.getContactGeomParams()[1])]
         if found:
             self._make_contacts(pair, first, second, found)
 
