@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from m2wr_sim.api import Sim
 from m2wr_sim.geometry import IDENTITY, yaw_of
 from m2wr_sim.model.types import Box, Cylinder, Inertial, Physics, Plane, Sphere, Surface
 from sdf_documents import BOX, LINK, QUARTER, model, static, told, world
@@ -138,6 +139,29 @@ def test_nested_models_are_flattened_with_scoped_names():
         ("arm::elbow", "arm::upper", "arm::lower"), ("arm::bolt", "world", "arm::upper"),
         ("shoulder", "base", "arm::upper")]
     assert found.links[2].sensors[0].plugins[0].reference == "arm::upper"
+
+
+def test_a_model_of_static_models_is_static():
+    found = world('<model name="office">{}<model name="rooms">{}</model></model>'.format(
+        static("wall"), static("door", "<link name='panel'><inertial><mass>0</mass></inertial></link>")))
+    office, = found.models
+    assert office.static and not found.notes
+    assert [link.name for link in office.links] == ["wall::link", "rooms::door::panel"]
+
+
+def test_a_static_model_inside_of_one_that_moves_stays():
+    found = world('<model name="lift">{}<link name="cabin"/>{}</model>'.format(
+        static("shaft", "<link name='wall'><inertial><mass>0</mass></inertial></link>"),
+        '<model name="lamp"><link name="bulb"/></model>'))
+    lift, = found.models
+    assert not lift.static and not found.notes
+    assert [(link.name, link.kinematic, link.gravity) for link in lift.links] == [
+        ("cabin", False, True), ("shaft::wall", True, False), ("lamp::bulb", False, True)]
+    with Sim(found) as sim:
+        sim.step(None, 0.5)
+        live, engine = sim.simulator.models["lift"], sim.simulator.engine
+        heights = [engine.link_pose(live.handle.links[name])[0][2] for name in ("cabin", "shaft::wall", "lamp::bulb")]
+    assert heights[1] == 0.0 and max(heights[0], heights[2]) < -1.0
 
 
 def test_models_nested_too_deep_are_skipped():

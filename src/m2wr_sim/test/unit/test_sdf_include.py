@@ -37,6 +37,16 @@ def test_include_overrides_name_pose_static_and_adds_plugins(folders):
     assert 'a model "post" is there already' in note
 
 
+def test_a_model_that_includes_only_static_ones_is_static(folders):
+    folders.add("wall", '<sdf version="1.6"><model name="wall"><static>true</static>{}</model></sdf>'.format(LINK))
+    own = include("model://post", "<static>true</static>")
+    fixed, moving = world('<model name="fixed">{}{}</model>'.format(include("model://wall"), own),
+                          '<model name="moving">{}{}</model>'.format(include("model://wall"), include("model://post")),
+                          resolve_model=folders).models
+    assert fixed.static and not moving.static
+    assert [link.kinematic for link in moving.links] == [True, False]
+
+
 def test_newest_sdf_that_can_be_read_is_taken(folders):
     folders.add("v", '<sdf version="1.7"><model name="seven">{}</model></sdf>'.format(LINK), None, "seven.sdf")
     folders.add("v", '<sdf version="1.4"><model name="four">{}</model></sdf>'.format(LINK), """<model>

@@ -162,7 +162,7 @@ DIFFERS = {
     "state/model": "`scale` other than 1 1 1 is reported and not applied",
     "include": "nothing is downloaded; `placement_frame` names a link; with the attribute `merge` inside a `model` "
                "the links and joints keep their names",
-    "model": "a nested model that alone is `static` is reported; `gripper` has no effect",
+    "model": "a `static` model inside of one that moves stays where it is; `gripper` has no effect",
     "actor": "pushes others, nothing moves it; `joint` is reported; visuals collide where nothing else of a link does",
     "skin": "a cylinder stands for the person; `script` and plugins move it",
     "trajectory": "attributes `id`, `type`, `tension`",

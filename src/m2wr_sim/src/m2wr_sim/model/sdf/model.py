@@ -32,7 +32,7 @@ from m2wr_sim.model.sdf.gears import read_gear
 from m2wr_sim.model.sdf.joint import named_end, read_joint
 from m2wr_sim.model.sdf.known_links import KnownLinks
 from m2wr_sim.model.sdf.light import read_light
-from m2wr_sim.model.sdf.nesting import merged, merged_plugins, merges, nested_plugins, scoped
+from m2wr_sim.model.sdf.nesting import merged, merged_plugins, merges, nested_plugins, scoped, settled
 from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.sensor import read_sensor
 from m2wr_sim.model.sdf.shapes import inertial_doubt, read_collision, read_inertial, read_visual
@@ -205,17 +205,14 @@ def _nested_models(node: Node, context: SdfContext, static: bool) -> List[Tuple[
         if tag not in ("model", "include"):
             continue
         child = next(models if tag == "model" else includes)
-        relative_to, is_static = raw_pose(child)[1], child.flag("static", False)
+        relative_to, given = raw_pose(child)[1], True if static else None
         if tag == "model":
-            model: Optional[Model] = notes.attempt("this model", read_model, child, context, static)
+            model: Optional[Model] = notes.attempt("this model", read_model, child, context, given)
         else:
-            model = read_include(child, context, static)[0]
+            model = read_include(child, context, given)[0]
         if model is None:
             child.ignore()
             continue
-        if not static and is_static:
-            notes.add('{}: nested model "{}" is static, but its outermost model is not; it is '
-                      'treated as moving.'.format(child.line, model.name))
         if model.name in names:
             notes.add('{}: there is another nested model "{}"; this one is skipped.'.format(child.line, model.name))
             continue
@@ -334,6 +331,8 @@ def read_model(node: Node, context: SdfContext, static: Optional[bool] = None) -
     nested = _nested_models(node, context, static)
     context.nesting -= 1
     link_nodes = _named_once(node.children("link"), "link", notes)
+    if not static:
+        static, nested = settled(nested, bool(link_nodes))
     joint_nodes = _named_once(node.children("joint"), "joint", notes)
     frames = _frames_of(node, link_nodes, joint_nodes, nested)
     self_collide = node.flag("self_collide", False)

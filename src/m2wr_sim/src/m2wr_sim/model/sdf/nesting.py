@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, List, Tuple
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 from m2wr_sim.geometry import compose
+from m2wr_sim.model.types import Inertial
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Pose
     from m2wr_sim.model.sdf.node import Node
     from m2wr_sim.model.types import Joint, Link, Model, PluginSpec
+
+    #: A nested model, its element, and the frame of its pose.
+    Nested = Tuple[Model, Node, Optional[str]]
 
 
 def scoped(prefix: str, model: Model, model_from_nested: Pose) -> Tuple[List[Link], List[Joint], List[str]]:
@@ -38,6 +42,29 @@ def scoped(prefix: str, model: Model, model_from_nested: Pose) -> Tuple[List[Lin
     joints = [replace(joint, name=scope(joint.name), parent=scope(joint.parent), child=scope(joint.child))
               for joint in model.joints]
     return links, joints, [prefix] + [scope(name) for name in model.nested]
+
+
+def settled(nested: Sequence[Nested], has_links: bool) -> Tuple[bool, List[Nested]]:
+    """Return whether a model that is not static by its own tag cannot move, and the models inside of it.
+
+    In Gazebo each nested model is static or not by its own tag, whatever that of the model around it says.  So a model
+    without links of its own that has only static ones inside cannot move.  Otherwise the links of static models inside
+    stay where they are, while others move.
+
+    Parameters
+    ----------
+    nested : sequence of (Model, node, relative_to)
+    has_links : bool
+        Whether the model has links of its own.
+    """
+    if nested and not has_links and all(model.static for model, _, _ in nested):
+        return True, list(nested)
+    return False, [(_fastened(model) if model.static else model, node, frame) for model, node, frame in nested]
+
+
+def _fastened(model: Model) -> Model:
+    return replace(model, links=tuple(replace(link, kinematic=True, gravity=False, inertial=Inertial())
+                                      for link in model.links))
 
 
 def merges(node: Node) -> bool:
