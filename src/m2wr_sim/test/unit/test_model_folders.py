@@ -122,3 +122,43 @@ def test_a_folder_of_material_scripts_is_found_by_its_uri(tmp_path):
         </link></model></world></sdf>"""
     visual = load_world(text, "w.world", folders).models[0].links[0].visuals[0]
     assert (visual.scripts, visual.material) == ((str(scripts),), "a/b")
+
+
+# ---- models on a Fuel server
+
+FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/"
+
+
+def fuel_model(cache, version):
+    folder = cache / "fuel.gazebosim.org" / "openrobotics" / "models" / "ground plane" / version
+    folder.mkdir(parents=True)
+    (folder / "model.sdf").write_text("<sdf version='1.6'/>")
+    return str(folder / "model.sdf")
+
+
+def test_a_fuel_model_is_taken_from_the_caches_else_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    stand_ins = tmp_path / "stand_ins" / "ground_plane"
+    stand_ins.mkdir(parents=True)
+    (stand_ins / "model.sdf").write_text("<sdf version='1.6'/>")
+    folders = ModelFolders([], stand_ins=str(tmp_path / "stand_ins"))
+    assert folders(FUEL + "Ground%20Plane") == folders(FUEL + "Ground Plane") == str(stand_ins / "model.sdf")
+    cache = tmp_path / ".ignition" / "fuel"
+    old, new = fuel_model(cache, "9"), fuel_model(cache, "10")
+    assert folders(FUEL + "Ground Plane") == folders(FUEL + "Ground Plane/tip") == new
+    assert folders(FUEL + "Ground Plane/9") == folders(FUEL + "Ground Plane/9/files/model.sdf") == old
+    assert folders(FUEL + "Sun") is None
+
+
+@pytest.mark.parametrize("uri", [
+    FUEL, "https://fuel.gazebosim.org/1.0/OpenRobotics/worlds/Ground Plane", "https://[broken/1.0/a/models/b",
+    "https:///1.0/a/models/b", FUEL + "a%2fb", FUEL + "a\0b"])
+def test_other_addresses_name_no_model(uri):
+    assert ModelFolders([])(uri) is None
+
+
+@pytest.mark.parametrize("uri", [FUEL + "..", FUEL + "%2e%2e", FUEL + "a/1/files/../../b",
+                                 "https://fuel.gazebosim.org/1.0/../models/a"])
+def test_addresses_that_leave_their_folder_are_rejected(uri):
+    with pytest.raises(XmlError, match="leaves the model's folder"):
+        ModelFolders([])(uri)

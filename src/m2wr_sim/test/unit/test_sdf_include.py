@@ -47,6 +47,14 @@ def test_a_model_that_includes_only_static_ones_is_static(folders):
     assert [link.kinematic for link in moving.links] == [True, False]
 
 
+def test_an_include_from_a_fuel_server_is_a_local_model(folders):
+    uri = "https://fuel.gazebosim.org/1.0/owner/models/Post"
+    loaded = world(include(uri), include(uri, "<name>other</name>"), resolve_model=folders)
+    assert [found.name for found in loaded.models] == ["post", "other"]
+    note, = loaded.notes
+    assert note.startswith(uri + " is not downloaded; using ")
+
+
 def test_newest_sdf_that_can_be_read_is_taken(folders):
     folders.add("v", '<sdf version="1.7"><model name="seven">{}</model></sdf>'.format(LINK), None, "seven.sdf")
     folders.add("v", '<sdf version="1.4"><model name="four">{}</model></sdf>'.format(LINK), """<model>

@@ -6,6 +6,7 @@ import glob
 import os
 from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
+from m2wr_sim.model.fuel import fuel_address, refuse_escape
 from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 
@@ -31,12 +32,6 @@ def parse_version(text: Optional[str]) -> Optional[Tuple[int, ...]]:
     except ValueError:
         return None
     return numbers[:2] if len(numbers) >= 2 else None
-
-
-def _refuse_escape(path: str, source: str) -> None:
-    if os.path.isabs(path) or ".." in path.replace("\\", "/").split("/"):
-        raise XmlError('{}: the path "{}" leaves the model\'s folder; expected a path below it, without ".."'.format(
-            source, path))
 
 
 def exported_paths(packages: Iterable[str], attribute: str) -> List[str]:
@@ -112,7 +107,8 @@ class ModelFolders:
         ----------
         uri : str
             ``model://NAME`` (its SDF file), ``model://NAME/path``, ``package://NAME/path``, ``file:///absolute/path``,
-            ``file://relative/path`` or a bare relative path; nothing is downloaded.
+            ``file://relative/path``, a bare relative path, or that of a model on a Fuel server, see
+            :mod:`m2wr_sim.model.fuel`; nothing is downloaded.
 
         Raises
         ------
@@ -122,6 +118,10 @@ class ModelFolders:
         found = self._first(self._candidates(uri))
         if found is None and self._ask_packages():
             found = self._first(self._candidates(uri))
+        if found is None:
+            address = fuel_address(uri)
+            if address is not None:
+                return self(address.as_model())
         if found is None and self._stand_ins and uri.startswith("model://"):
             found = self._first([os.path.join(self._stand_ins, uri[len("model://"):].strip("/"))])
         return found
@@ -178,15 +178,18 @@ class ModelFolders:
             scheme, rest = "file", uri
         if scheme == "model":
             rest = rest.strip("/")
-            _refuse_escape(rest, uri)
+            refuse_escape(rest, uri)
             return [os.path.join(folder, rest) for folder in self.folders] if rest else []
         if scheme == "package":
-            _refuse_escape(rest.lstrip("/"), uri)
+            refuse_escape(rest.lstrip("/"), uri)
             name, _, inside = rest.strip("/").partition("/")
             return [os.path.join(self._by_package[name], inside.lstrip("/"))] if name in self._by_package else []
+        if scheme in ("http", "https"):
+            address = fuel_address(uri)
+            return [] if address is None else address.in_caches()
         if scheme != "file" or not rest:
             return []
-        _refuse_escape(rest.lstrip("/"), uri)
+        refuse_escape(rest.lstrip("/"), uri)
         return [rest] if os.path.isabs(rest) else [os.path.join(folder, rest) for folder in self.resources]
 
     def __str__(self) -> str:
@@ -261,7 +264,7 @@ def _file_in_config(config: str, folder: str) -> str:
         raise XmlError('{}: no <sdf version="..."> is listed; expected one with the name of an SDF file'.format(config))
     usable = [entry for entry in listed if entry[0] <= NEWEST_SDF]
     name = max(usable, key=lambda entry: entry[0])[1] if usable else min(listed, key=lambda entry: entry[0])[1]
-    _refuse_escape(name, config)
+    refuse_escape(name, config)
     path = os.path.join(folder, name)
     note_file(path)
     if not os.path.isfile(path):

@@ -160,8 +160,8 @@ DIFFERS = {
     "constraints": "`erp`: 0.2 to 0.8; the others are stored, without effect",
     "state": "only the first counts, as in Gazebo",
     "state/model": "`scale` other than 1 1 1 is reported and not applied",
-    "include": "nothing is downloaded; `placement_frame` names a link; with the attribute `merge` inside a `model` "
-               "the links and joints keep their names",
+    "include": "nothing is downloaded, also from a Fuel server; `placement_frame` names a link; with the attribute "
+               "`merge` inside a `model` the links and joints keep their names",
     "model": "a `static` model inside of one that moves stays where it is; `gripper` has no effect",
     "actor": "pushes others, nothing moves it; `joint` is reported; visuals collide where nothing else of a link does",
     "skin": "a cylinder stands for the person; `script` and plugins move it",

@@ -385,6 +385,8 @@ def _find_included(node: Node, context: SdfContext) -> Optional[Tuple[str, Any]]
         context.notes.add("{}: {} was not found (searched: {}; nothing is downloaded); it is left out ({}).".format(
             node.line, uri, context.resolve_model or "no folders", HOW_TO_INSTALL))
         return None
+    if uri.startswith("http"):
+        context.notes.add("{} is not downloaded; using {}.".format(uri, path), ("include", uri))
     tell_stand_in(context.notes, context.resolve_model, path)
     path = os.path.realpath(path)
     if path in context.including:
