@@ -11,7 +11,8 @@ from m2wr_campaign.worlds.generators import GENERATORS, generate
 from m2wr_exploration.study.truth import reachable_area
 from m2wr_navigation.accuracy.scenes import house
 from m2wr_navigation.compare.planned import costmap_of
-from m2wr_navigation.compare.scenes import given
+from m2wr_navigation.costmap.cost_layout import INSCRIBED
+from m2wr_navigation.planners.wave_kernels import connected
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT
@@ -29,6 +30,7 @@ LARGE: Tuple[Tuple[str, Dict[str, float]], ...] = (
     ("office", {"rooms": 9, "room": 5.0, "corridor": 3.0, "door": 1.6}),
     ("maze", {"cells": 12, "width": 2.4, "opened": 0.2}))
 ROOM = TURNING_RADIUS + 0.05  # m: the disc in which the robot turns, and a cell: obstacles on a grid are larger
+DRAWS = 1000                # random places, by which the largest area is found
 STARTS = {"world01": (0.0, 8.0, 0.0), "world02": (0.0, 8.0, 0.0), "world03": (0.0, 8.0, 0.0),
           "unreachable": (0.0, 8.0, 0.0), "house": (0.0, 0.0, 0.0)}
 
@@ -93,6 +95,40 @@ def place(name: str, world: World, start: Tuple[float, float, float]) -> Place:
     return Place(name, world, start, truth, reachable_area(truth, np.array(start[:2]), ROOM))
 
 
+def random_start(world: World, seed: int) -> Tuple[float, float, float]:
+    """Return a random place between the obstacles of a world, in the largest area that hangs together [m, m, rad].
+
+    Parameters
+    ----------
+    world : World
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        If the robot has room nowhere, or the world is too large.
+    """
+    outlines = obstacle_outlines(world, FLOOR, ROBOT_HEIGHT)
+    if not outlines:
+        return 0.0, 0.0, 0.0
+    truth = whole_map(world)
+    corners = truth.cells(np.concatenate([outline.vertices for outline in outlines]))
+    between = np.zeros(truth.shape, bool)
+    between[tuple(slice(low, high + 1) for low, high in zip(corners.min(axis=0), corners.max(axis=0)))] = True
+    free = between & (truth.costs < INSCRIBED)
+    table = np.where(np.arange(256) < INSCRIBED, 1.0, np.inf).astype(np.float32)
+    generator, best = np.random.default_rng(seed), np.zeros((0, 2), np.int64)
+    for cell in generator.permutation(np.argwhere(free))[:DRAWS]:
+        if free[tuple(cell)]:               # not in an area that was drawn before
+            area = np.argwhere((connected(truth.costs, table, (int(cell[0]), int(cell[1])))[0] == 1) & free)
+            best = area if len(area) > len(best) else best
+            free[area[:, 0], area[:, 1]] = False
+    if not len(best):
+        raise ValueError("the world has no place where a disc of {:.2f} m is free between obstacles".format(ROOM))
+    x, y = truth.centre(*best[generator.integers(len(best))])
+    return x, y, float(generator.uniform(-np.pi, np.pi))
+
+
 def named(name: str, seed: int) -> Place:
     """Return a world by its name or file; the start is random where none is known.
 
@@ -108,8 +144,8 @@ def named(name: str, seed: int) -> Place:
         If there is no such world, or no place to start.
     """
     text = house() if name == "house" else name
-    start = STARTS.get(name) or given(text, seed, ROOM).start
-    return place(name, read_world(text), start)
+    world = read_world(text)
+    return place(name, world, STARTS.get(name) or random_start(world, seed))
 
 
 def buildings(count: int, seed: int, kinds: Sequence[Tuple[str, Dict[str, float]]] = BUILDINGS) -> Iterator[Place]:
