@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
-from m2wr_sim.physics.step_layout import C_DEPTH, C_GEOMETRY, C_NORMAL, C_POSITION, CONTACT_WORDS, MAX_FOUND
+from m2wr_sim.physics.step_layout import (
+    C_DEPTH,
+    C_GEOMETRY,
+    C_NORMAL,
+    C_POSITION,
+    CONTACT_WORDS,
+    MAX_FOUND,
+    SAME_DEPTH,
+    SAME_DIRECTION,
+    SAME_PLACE,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -254,3 +264,29 @@ def spread(values: Values, first: int, count: int, limit: int) -> None:
                 for word in range(C_GEOMETRY, C_DEPTH + 1):
                     values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
             kept += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def is_repeated(values: Values, at: int, other: int, sign: float) -> bool:
+    """Return whether two contacts are one, as contacts.is_repeated does.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    at, other : int
+        Words of the contacts.
+    sign : float
+        -1.0 if the normal of the other one points the other way.
+    """
+    one, two = at + C_NORMAL, other + C_NORMAL
+    nx, ny, nz = values[one], values[one + 1], values[one + 2]
+    mx, my, mz = sign * values[two], sign * values[two + 1], sign * values[two + 2]
+    if not (abs(values[at + C_DEPTH] - values[other + C_DEPTH]) < SAME_DEPTH
+            and nx * mx + ny * my + nz * mz > SAME_DIRECTION):
+        return False
+    x = values[at + C_POSITION] - values[other + C_POSITION]
+    y = values[at + C_POSITION + 1] - values[other + C_POSITION + 1]
+    z = values[at + C_POSITION + 2] - values[other + C_POSITION + 2]
+    along = x * nx + y * ny + z * nz
+    return bool(x * x + y * y + z * z - along * along < SAME_PLACE * SAME_PLACE)

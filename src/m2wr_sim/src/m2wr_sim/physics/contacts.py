@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 from m2wr_sim.model.types import Box, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.physics.limits import SOFTEST
+from m2wr_sim.physics.step_layout import SAME_DEPTH, SAME_DIRECTION, SAME_PLACE
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Vector
@@ -216,6 +217,26 @@ def _smaller_friction(one: float, two: float) -> float:
     """Return the smaller coefficient; a negative one stands for infinite friction."""
     one, two = (math.inf if value < 0.0 else value for value in (one, two))
     return min(one, two)
+
+
+def is_repeated(one: Contact, other: Contact) -> bool:
+    """Return whether two contacts of a shape, with two static shapes, are one: at one place, in one direction, as deep.
+
+    Floors that lie in one plane give each wheel a contact for each of them.  The solver's matrix is singular then, and
+    a robot that drives straight on turns at random.
+
+    Parameters
+    ----------
+    one, other : (position, normal, depth)
+        Both normals into the shape, or both out of it.
+    """
+    (x, y, z), (nx, ny, nz), depth = one
+    (ox, oy, oz), (mx, my, mz), other_depth = other
+    if not (abs(depth - other_depth) < SAME_DEPTH and nx * mx + ny * my + nz * mz > SAME_DIRECTION):
+        return False
+    x, y, z = x - ox, y - oy, z - oz
+    along = x * nx + y * ny + z * nz
+    return x * x + y * y + z * z - along * along < SAME_PLACE * SAME_PLACE
 
 
 def has_direction(normal: Sequence[float]) -> bool:

@@ -14,7 +14,16 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 
-from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
+from m2wr_sim.physics.contact_kernels import (
+    FACES,
+    deepest_faces,
+    is_repeated,
+    merge,
+    merge_faces,
+    rotate,
+    spread,
+    with_direction,
+)
 from m2wr_sim.physics.coupled_kernels import restart_countdown, stands_for
 from m2wr_sim.physics.height_field_kernels import tops_size
 from m2wr_sim.physics.height_kernels import CONTACT, FIELD, MOST, NO_SHAPE, WORK, height_contacts
@@ -26,6 +35,8 @@ from m2wr_sim.physics.step_layout import (
     C_BOUNCE,
     C_BOUNCE_VELOCITY,
     C_DEPTH,
+    C_GEOM_ONE,
+    C_GEOM_TWO,
     C_GEOMETRY,
     C_MODE,
     C_MU,
@@ -118,6 +129,7 @@ from m2wr_sim.physics.step_layout import (
     PAIR_WORDS,
     R_FEEDBACK,
     R_GEOMETRY,
+    RECENT,
     REPORT_WORDS,
     X_AWAKE,
     X_CONTACTS,
@@ -138,6 +150,7 @@ _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 _handle = types.uintp
 _is_space = types.ExternalFunction("dGeomIsSpace", types.int32(_handle))
 _geom_data = types.ExternalFunction("dGeomGetData", _handle(_handle))
+_geom_body = types.ExternalFunction("dGeomGetBody", _handle(_handle))
 _collide = types.ExternalFunction("dCollide", types.int32(_handle, _handle, types.int32, _handle, types.int32))
 _space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _handle, _handle, _handle))
 _geom_quaternion = types.ExternalFunction("dGeomGetQuaternion", types.void(_handle, _handle))
@@ -238,6 +251,35 @@ def _reduce(values: Values, pair: int, first: int, count: int) -> int:
         spread(values, first, count, limit)
         count = limit
     return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drop_repeated(words: Words, values: Values, first: int, count: int, one: int, two: int, first_moves: bool) -> int:
+    """Drop contacts with a static geom that are contacts with another one in this step already; return how many remain.
+
+    As PyodeEngine does.  Those that remain are at the front, and know their geoms.
+    """
+    mover, static = (np.uint64(one), np.uint64(two)) if first_moves else (np.uint64(two), np.uint64(one))
+    lowest, left = np.int64(words[H_CONTACTS]), 0
+    if lowest < first - RECENT * CONTACT_WORDS:
+        lowest = np.int64(first - RECENT * CONTACT_WORDS)
+    for index in range(count):
+        at, repeated = first + index * CONTACT_WORDS, False
+        place = first - CONTACT_WORDS
+        while place >= lowest and not repeated:
+            side_one, side_two = words[place + C_GEOM_ONE], words[place + C_GEOM_TWO]
+            if side_one == mover or side_two == mover:
+                other = side_two if side_one == mover else side_one
+                if other != static and _geom_body(other) == 0:
+                    repeated = is_repeated(values, at, place, 1.0 if (side_one == mover) == first_moves else -1.0)
+            place -= CONTACT_WORDS
+        if repeated:
+            continue
+        if left != index:
+            for word in range(C_GEOMETRY, C_DEPTH + 1):
+                values[first + left * CONTACT_WORDS + word] = values[at + word]
+        left += 1
+    return left
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -356,6 +398,12 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
     ground, both_move = values[pair + P_GROUND] != 0.0, values[pair + P_BOTH_MOVE] != 0.0
     if both_move:
         _join(words, geom_one, geom_two, count)
+    else:
+        count = _drop_repeated(words, values, first, count, one, two, words[geom_one + G_BODY] != 0)
+        if count == 0:      # the first one is still there
+            if not ground and -_STEEP < values[first + C_NORMAL + 2] < _STEEP:
+                _add_contact(words, values, min(row_one, row_two), max(row_one, row_two), first)
+            return
     restless = words[geom_one + G_RESTLESS] != 0 or words[geom_two + G_RESTLESS] != 0
     if room and kept + count <= most:
         words[H_KEPT] = np.uint64(kept + count)
@@ -375,6 +423,7 @@ def make_contacts(words: Words, values: Values, one: int, two: int) -> None:
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
+        words[at + C_GEOM_ONE], words[at + C_GEOM_TWO] = np.uint64(one), np.uint64(two)
         steep = -_STEEP < values[at + C_NORMAL + 2] < _STEEP
         coupled = restless and (both_move or -_FLAT < values[at + C_NORMAL + 2] < _FLAT)
         if coupled and words[H_COUPLED] == 0:

@@ -13,12 +13,22 @@ import ode
 from m2wr_sim.physics import dampers, height_contacts, mesh_pairs, native_ode
 from m2wr_sim.physics import pyode_bodies as bodies
 from m2wr_sim.physics.contact_watch import hand_out
-from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, PairSurface, has_direction, pair_surface, reduced
+from m2wr_sim.physics.contacts import (
+    FLAT,
+    MODE_FDIR1,
+    STEEP,
+    PairSurface,
+    has_direction,
+    is_repeated,
+    pair_surface,
+    reduced,
+)
 from m2wr_sim.physics.coupled_friction import Grip, Memory, solve_coupled
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, ContactEvent
 from m2wr_sim.physics.idle import count_down
 from m2wr_sim.physics.ode_world import OdeWorld
 from m2wr_sim.physics.sliding import first_direction, sliding_slips, slip_velocity
+from m2wr_sim.physics.step_layout import RECENT
 
 if TYPE_CHECKING:
     from m2wr_sim.geometry import Vector
@@ -41,12 +51,14 @@ class PyodeEngine(OdeWorld):
         # contacts of watched geoms in this step, with their geoms
         self._felt: List[Tuple[Grip, Geom, Geom, Contact]] = []
         self._grips: List[Grip] = []                                    # all contacts of this step
+        self._contact_geoms: List[Tuple[Geom, Geom]] = []               # their geoms
         self._coupled = False                                           # whether one of them is coupled
         self._rolling: Dict[str, Tuple[Grip, str]] = {}     # contact of each wheel in this step, with the other shape
         super().__init__(settings)
 
     def _release(self, parts: ModelParts) -> None:
         self._contact_group.empty()
+        self._contact_geoms = []
         gone = set(parts.geoms)
         self._pairs = {pair: value for pair, value in self._pairs.items() if gone.isdisjoint(pair)}
         names = tuple(link.name + "::" for link in parts.links)
@@ -93,7 +105,7 @@ class PyodeEngine(OdeWorld):
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
             self._islands.clear()
-            self._grips, self._rolling, self._coupled = [], {}, False
+            self._grips, self._contact_geoms, self._rolling, self._coupled = [], [], {}, False
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
                 if parts.self_colliding:
@@ -194,9 +206,14 @@ class PyodeEngine(OdeWorld):
             for contact, (position, normal, depth) in zip(found, kept):
                 contact.setContactGeomParams(position, normal, depth, first, second)
             found = found[:len(kept)]
-        if one is not None and two is not None:
-            self._islands.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
         both_move, restless = one is not None and two is not None, pair[1].restless or pair[2].restless
+        if both_move:
+            self._islands.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
+        else:
+            position, normal, depth = found[0].getContactGeomParams()[:3]
+            found = self._without_repeated(found, first, second, one is not None)
+            if not found and not surface.ground and -STEEP < normal[2] < STEEP:
+                self._pairs_now.setdefault(names, (position, depth))
         for number, contact in enumerate(found):
             position, normal, depth = contact.getContactGeomParams()[:3]
             if not surface.ground and (both_move or -STEEP < normal[2] < STEEP):
@@ -214,6 +231,7 @@ class PyodeEngine(OdeWorld):
             model = pair[2].model if one is None else pair[1].model
             grip = Grip(joint, contact, one, two, surface, mode, normal, model, coupled, names + (number,))
             self._grips.append(grip)
+            self._contact_geoms.append((first, second))
             wheel, other = (pair[1], pair[2]) if pair[1].wheel else (pair[2], pair[1])
             if surface.slides and wheel.name not in self._rolling:
                 self._rolling[wheel.name] = grip, other.name
@@ -224,6 +242,19 @@ class PyodeEngine(OdeWorld):
                         self._enable(shape)     # a sleeping body is not solved, and has no contact forces
                 joint.setFeedback(True)
                 self._felt.append((grip, first, second, (position, normal, depth)))
+
+    def _without_repeated(self, found: List[ode.Contact], first: Geom, second: Geom,
+                          first_moves: bool) -> List[ode.Contact]:
+        """Return the contacts with a static geom that are not contacts with another one in this step already."""
+        mover, static = (first, second) if first_moves else (second, first)
+        before = []
+        for (one, two), grip in zip(self._contact_geoms[-RECENT:], self._grips[-RECENT:]):
+            other = two if one is mover else one if two is mover else None
+            if other is not None and other is not static and not self._shapes[other].moves:
+                position, normal, depth = grip.contact.getContactGeomParams()[:3]
+                before.append((position, normal if (one is mover) == first_moves else tuple(-n for n in normal), depth))
+        return [contact for contact in found if not any(
+            is_repeated(contact.getContactGeomParams()[:3], other) for other in before)]
 
     def _slide(self, pair: _Pair, contact: ode.Contact, mode: int, least: Tuple[float, float]) -> None:
         """Set the friction of a wheel's contact by its slip and its load in the last step; ``least``: compliances."""

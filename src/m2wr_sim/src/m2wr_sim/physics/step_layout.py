@@ -61,13 +61,16 @@ HEADER_WORDS = 64
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
 CONTACT_WORDS = 31
 C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP1, C_SLIP2 = 0, 1, 2, 6, 7, 8, 9, 13, 14
-C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_ALONG = 15, 15, 19, 23, 27
+C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_GEOM_ONE, C_GEOM_TWO, C_ALONG = 15, 15, 19, 23, 24, 25, 27
 MODE_FDIR1 = np.uint64(2)
 MODE_APPROX1 = np.uint64(0x7000)
 MAX_FOUND = 150
 GEOMETRY_WORDS = 12                     # of a dContactGeom
 MOST_OF_MESHES = 0xffff                 # contacts of two meshes: as many as libode's flags can ask for
 TRIMESH = 8                             # dTriMeshClass
+SAME_PLACE, SAME_DEPTH = 1e-3, 1e-4     # m: of contacts that are one; floors that are told apart differ by more
+SAME_DIRECTION = 1.0 - 1e-6             # cosine: 1.4 mrad
+RECENT = 32                             # contacts before a new one with which it is compared
 LEAST_KEPT, KEPT_PER_GEOM = 256, 8      # contacts stored in a step: at least, and for each moving geom
 KEY_NUMBERS, KEY_ROWS = 256, 1 << 28   # which contact: (row * KEY_ROWS + other row) * KEY_NUMBERS + number in pair
 GRIP_WORDS = 27
