@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 import numpy as np
 
 from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, Explorer, Teammate
+from m2wr_exploration.team.making_room import DETOUR, disc
 from m2wr_exploration.team.placing import Placing
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint import placed
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.costmap.costmap import Costmap
 
 BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
+DETOUR_OCCUPANCY = 50   # of a cell around a robot that waits: it becomes making_room's COST in a costmap
 STANDS = 5.0            # s: without a move of MOVED, until a robot that drives counts as one that waits
 MOVED = 0.1             # m
 
@@ -84,6 +86,21 @@ class Crew:
         if member.moved_from is None or np.hypot(*(place - member.moved_from)) > MOVED:
             member.moved_at, member.moved_from = now, place
 
+    def drive(self, number: int, now: float, driving: bool) -> None:
+        """Take whether a robot has a goal.
+
+        Parameters
+        ----------
+        number : int
+        now : float
+            [s]
+        driving : bool
+        """
+        member = self.members[number]
+        if driving and not member.driving:
+            member.moved_at = now               # a robot that begins is not yet one that does not get on
+        member.driving = driving
+
     def stands(self, number: int, now: float) -> bool:
         """Return whether a robot waits, or has not moved for some time, and so is an obstacle for planners.
 
@@ -95,6 +112,16 @@ class Crew:
         """
         member = self.members[number]
         return not member.driving or bool(member.fault) or now - member.moved_at > STANDS
+
+    def waits(self, number: int) -> bool:
+        """Return whether a robot has nothing to do, and makes room for those that have.
+
+        Parameters
+        ----------
+        number : int
+        """
+        member = self.members[number]
+        return not member.fault and not member.driving and member.explorer.state == EXPLORING
 
     def others(self, number: int, now: float) -> List[Teammate]:
         """Return the teammates of a robot that take part, and of which it knows where they are.
@@ -114,8 +141,10 @@ class Crew:
                 continue
             target = member.explorer.target
             claim = member.place if member.explorer.state != EXPLORING else None if target is None else target.centre
+            goal = member.explorer.looks_at
             found.append(Teammate(placed(member.place, frame), None if claim is None else placed(claim, frame),
-                                  placed(member.explorer.aside.refused(now), frame)))
+                                  placed(member.explorer.aside.refused(now), frame),
+                                  None if goal is None else placed(goal, frame)))
         return found
 
     def share(self, number: int) -> None:
@@ -135,7 +164,9 @@ class Crew:
                                                    if frame.any() else entry, None if view is None else view.costmap)
 
     def occupancy(self, number: int, now: float, known: Costmap) -> Int8Array:
-        """Return a map for a robot (H, W): the others that stand are obstacles, those that drive are not.
+        """Return a map for a robot (H, W): the others that cannot make room are obstacles, those that drive are not.
+
+        Those that wait make room where a path leads through them; paths beside them are better.
 
         Parameters
         ----------
@@ -147,13 +178,16 @@ class Crew:
         """
         occupancy = np.zeros(known.shape, np.int8)
         occupancy[known.costs == LETHAL], occupancy[known.costs == NO_INFORMATION] = 100, -1
-        reach = int(math.ceil(BODY / known.resolution))
         for other, member in enumerate(self.members):
             frame = self.placing.relative(number, other)
-            cell = None if member.place is None or frame is None else known.cell(*placed(member.place, frame))
-            if other != number and cell is not None and self.stands(other, now):
-                rows, columns = (slice(max(0, middle - reach), middle + reach + 1) for middle in cell)
-                occupancy[rows, columns] = 100
+            if other == number or member.place is None or frame is None or not self.stands(other, now):
+                continue
+            place = placed(member.place, frame)
+            if self.waits(other):
+                around = disc(known, place, DETOUR)
+                occupancy[around] = np.where(occupancy[around] == 0, DETOUR_OCCUPANCY, occupancy[around])
+            else:
+                occupancy[disc(known, place, BODY)] = 100
         return occupancy
 
     # ---- robots that do not answer

@@ -11,6 +11,7 @@ import numpy as np
 from m2wr_exploration.frontiers import Frontier, View, distances, look
 from m2wr_exploration.set_aside import SetAside, costs_at
 from m2wr_exploration.team.auction import assign
+from m2wr_exploration.team.making_room import paths, place_to_wait
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import Parameter, flag
 
@@ -83,16 +84,24 @@ class Teammate:
         Centre of the frontier to which it drives [m]; None: it has none now.
     refused : (N, 2) float64 or None
         Centres of frontiers that it set aside, and does not bid for now [m]; None: there are none.
+    goal : (2,) float64 or None
+        Place to which it drives, to look at its target [m]; None: it does not drive.
     """
 
     place: FloatArray
     target: Optional[FloatArray] = None
     refused: Optional[FloatArray] = None
+    goal: Optional[FloatArray] = None
 
     def refuses(self, frontier: Frontier) -> bool:
         """Return whether it does not bid for a frontier."""
         return self.refused is not None and bool(
             (np.hypot(*(self.refused - frontier.centre).T) < SAME_FRONTIER).any())
+
+    def drives_to(self, frontier: Frontier) -> bool:
+        """Return whether a frontier is its target."""
+        return self.goal is not None and self.target is not None and bool(
+            np.hypot(*(self.target - frontier.centre)) < SAME_FRONTIER)
 
 
 class Explorer:
@@ -175,6 +184,11 @@ class Explorer:
             self._points = _unknown_of(costmap if known is None else known, self.target.points)
         return decision
 
+    @property
+    def looks_at(self) -> Optional[FloatArray]:
+        """Where the robot drives to look at its target (2,) [m], or None if it has none."""
+        return None if self.target is None or self._goal is None else self._goal[:2]
+
     def give_up(self, now: float, reason: str) -> str:
         """Set the present frontier aside, as when the robot does not answer; it has no goal any more.
 
@@ -225,6 +239,8 @@ class Explorer:
                     known: Costmap) -> List[str]:
         """Set the target aside if it failed, made no progress, or shows nothing new."""
         target = self.target
+        if target is None and result:       # it has made room
+            self._goal = None
         if target is None or self._goal is None:
             return []
         away = float(np.hypot(*(self._goal[:2] - pose[:2])))
@@ -290,16 +306,16 @@ class Explorer:
             allowed = [frontier for frontier in inside if self.aside.may_later(frontier)
                        and self.aside.reason(frontier) == LOOKED]
         if not allowed:
-            return self._nothing_left(now, inside, messages, costmap, len(others))
+            return self._nothing_left(now, pose, inside, messages, costmap, others)
         self._empty_since = None
         # committed to a frontier until it is gone: otherwise a robot between two equal ones turns to and fro
         kept = None if self.target is None else self._still_there(self.target)
+        if kept is not None and any(other.drives_to(kept) and _way(view, other, kept) < kept.path for other in others):
+            kept = None         # a teammate that is nearer has taken it over
         chosen = kept if kept is not None and kept in allowed else (
             self._auctioned(view, allowed, others) if others else self.strategy.order(view, allowed)[0])
         if chosen is None:
-            cancel, self.target, self._goal = self._goal is not None, None, None
-            return Decision(cancel=cancel, messages=tuple(messages) + self._once(
-                "the other robots drive to all frontiers; this one waits"))
+            return self._wait(pose, others, messages, "the other robots drive to all frontiers; this one waits")
         if chosen is kept and self._arrived is not None:        # it looks
             return Decision(messages=tuple(messages))
         same = self.target is not None and self._goal is not None \
@@ -329,7 +345,10 @@ class Explorer:
 
     @staticmethod
     def _auctioned(view: View, frontiers: List[Frontier], others: Sequence[Teammate]) -> Optional[Frontier]:
-        """Return the frontier that an auction gives to this robot; None: the others take all."""
+        """Return the frontier that an auction gives to this robot; None: the others take all.
+
+        Frontiers to which teammates drive are theirs, unless this robot is nearer by CLOSER.
+        """
         costs = [[frontier.path for frontier in frontiers]]
         for other in others:
             cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
@@ -337,14 +356,37 @@ class Explorer:
                 field = distances(view.costmap, cell)
                 costs.append([math.inf if other.refuses(frontier) else float(field[frontier.goal_cell])
                               for frontier in frontiers])
-        claims = [other.target for other in others if other.target is not None]
+        claims = [other.target for other in others if other.target is not None and not any(
+            other.drives_to(frontier) and frontier.path < _way(view, other, frontier) - CLOSER
+            for frontier in frontiers)]
         found = assign(np.array(costs), np.array([frontier.centre for frontier in frontiers]),
                        np.array(claims).reshape(-1, 2), AUCTION_REACH)
         return None if found[0] < 0 else frontiers[found[0]]
 
-    def _nothing_left(self, now: float, inside: List[Frontier], messages: List[str], costmap: Costmap,
-                      teammates: int) -> Decision:
-        """Wait for frontiers that may be tried later, and for ways that may open; end if there are none."""
+    def _wait(self, pose: FloatArray, others: Sequence[Teammate], messages: List[str], why: str) -> Decision:
+        """Wait for the teammates, in a place to which the robot drives if it is in their way."""
+        assert self.view is not None
+        costmap, before = self.view.costmap, self._goal
+        kept = None if before is None or self.target is not None else before
+        self.target, self._goal = None, None
+        driven = paths(costmap, pose[:2], [(other.place, other.goal) for other in others if other.goal is not None])
+        place = place_to_wait(costmap, pose[:2], driven, np.array([other.place for other in others]),
+                              None if kept is None else kept[:2])
+        told = tuple(messages) + self._once(why)
+        if place is None:
+            return Decision(cancel=before is not None, messages=told)
+        if kept is not None and np.hypot(*(place - kept[:2])) < SAME_GOAL:
+            self._goal = kept
+            return Decision(messages=told)
+        self._goal = np.append(place, pose[2])
+        return Decision(self._goal.copy(), messages=told)
+
+    def _nothing_left(self, now: float, pose: FloatArray, inside: List[Frontier], messages: List[str], costmap: Costmap,
+                      others: Sequence[Teammate]) -> Decision:
+        """Wait for teammates, for frontiers that may be tried later, and for ways that may open; or end."""
+        if any(other.goal is not None for other in others):
+            self._empty_since = None
+            return self._wait(pose, others, messages, "no frontier is left for this robot; it waits for the others")
         cancel = self._goal is not None
         self.target, self._goal = None, None
         if any(self.aside.may_later(frontier) for frontier in inside) or self.aside.waits(now, costmap):
@@ -352,7 +394,7 @@ class Explorer:
             messages += self._once("all frontiers that are left were set aside; they will be tried again")
             return Decision(cancel=cancel, messages=tuple(messages))
         self._empty_since = now if self._empty_since is None else self._empty_since
-        shut = self._reachable - self._reachable_now() - TEAMMATE * teammates
+        shut = self._reachable - self._reachable_now() - TEAMMATE * len(others)
         if shut > CLOSED and now - self._empty_since < self.values["retry_after"]:
             messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the "
                                    "way to open, {:g} s".format(shut, self.values["retry_after"]))
@@ -386,6 +428,12 @@ class Explorer:
         told = "the robot is back at its start" if result == "succeeded" else \
             "the robot did not get back to its start: " + (text or result)
         return Decision(messages=(told,), state=DONE)
+
+
+def _way(view: View, other: Teammate, frontier: Frontier) -> float:
+    """Return the length of the path of a teammate to a frontier [m]; inf: none."""
+    cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
+    return math.inf if cell is None else float(distances(view.costmap, cell)[frontier.goal_cell])
 
 
 def _unknown_of(known: Costmap, points: FloatArray) -> FloatArray:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from exploration_grids import World, grid
-from m2wr_exploration.crew import BODY, STANDS, Crew
-from m2wr_exploration.explorer import DONE, LOOKED, PARAMETERS, Explorer
+from m2wr_exploration.crew import BODY, DETOUR_OCCUPANCY, STANDS, Crew
+from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, PARAMETERS, Explorer
+from m2wr_exploration.frontiers import look
 from m2wr_exploration.registry import find
 from m2wr_exploration.team.placing import Placing
 from m2wr_navigation.costmap.cost_layout import LETHAL
@@ -58,7 +59,8 @@ class Run:
         self.told += [(number, message) for message in decision.messages]
         self.results[number] = ""
         if decision.goal is not None:
-            self.goals[number], member.driving = decision.goal, True
+            self.goals[number] = decision.goal
+            self.crew.drive(number, self.now, True)
             self.sent[number].append(decision.goal)
         elif decision.cancel:
             self.goals[number], member.driving = None, False
@@ -176,20 +178,87 @@ def test_without_any_robot_it_ends_and_says_so():
     assert made.summary() == "no robot answers; robot1 took no part: silent; robot2 took no part: silent"
 
 
-def test_only_robots_that_stand_are_in_the_map_of_planners():
+def test_only_robots_that_do_not_get_on_are_obstacles():
     known = grid("\n".join(["." * 30] * 20), 0.1)
     made = crew()
     for number, place in enumerate([(0.5, 0.5), (2.05, 1.05)]):
         made.see(number, 0.0, np.array(place))
-        made.members[number].driving = True
+        made.drive(number, 0.0, True)
     assert not made.occupancy(0, STANDS, known).any()
     drawn = made.occupancy(0, STANDS + 0.1, known)
-    cells = int(np.ceil(BODY / 0.1))
-    assert drawn[10, 20] == 100 and np.count_nonzero(drawn) == (2 * cells + 1) ** 2
+    rows, columns = np.nonzero(drawn == 100)
+    assert drawn[10, 20] == 100 and np.count_nonzero(drawn) == len(rows)
+    assert np.hypot(rows - 10.0, columns - 20.0).max() <= BODY / 0.1
     made.see(1, STANDS, np.array([2.3, 1.05]))
     assert not made.occupancy(0, STANDS + 0.1, known).any()
-    made.members[1].driving = False
-    assert made.occupancy(0, STANDS + 0.1, known)[10, 23] == 100
+
+
+def test_a_robot_that_waits_costs_a_detour():
+    known = grid("\n".join(["." * 30] * 20), 0.1)
+    made = crew()
+    made.see(1, 0.0, np.array([2.05, 1.05]))
+    drawn = made.occupancy(0, 100.0, known)
+    assert set(np.unique(drawn)) == {0, DETOUR_OCCUPANCY} and drawn[10, 20] == DETOUR_OCCUPANCY
+    made.drive(1, 100.0, True)              # it makes room
+    assert not made.occupancy(0, 100.0, known).any()
+    made.members[1].explorer.state = DONE
+    made.drive(1, 100.0, False)
+    assert made.occupancy(0, 100.0, known)[10, 20] == 100       # for good
+
+
+ALLEY = """
+########################
+#......................#
+########.###############
+########.###############
+########.###############
+########################"""
+
+
+def meeting(first, second):
+    """Two robots in a narrow alley, of which all is known but its right end."""
+    run = Run(crew(), World(ALLEY, reach=100.0), [first, second])
+    run.world.known.costs[:] = run.world.truth.costs
+    run.world.known.costs[4, 21:23] = 255
+    run.world.see = lambda *_: None
+    return run
+
+
+def test_a_frontier_goes_to_a_robot_that_is_nearer():
+    run = meeting((1.25, 2.25), (7.25, 2.25))
+    far, near = (member.explorer for member in run.crew.members)
+    assert far.step(0.0, run.world.known, run.poses[0]).goal is not None        # before the other one was there
+    for number in range(2):
+        run.crew.see(number, 0.0, run.poses[number][:2])
+    run.decide(1, run.crew.members[1])
+    assert near.target is not None and near.looks_at[0] > 9.5
+    run.decide(0, run.crew.members[0])
+    assert far.target is None and run.goals[0] is None
+
+
+def test_a_robot_that_waits_makes_room_and_does_not_end():
+    """It looked at the frontier already, and stands between it and the other robot."""
+    run = meeting((1.25, 2.25), (6.25, 2.25))
+    first, second = (member.explorer for member in run.crew.members)
+    run.stuck.update((0, 1))
+    for now in range(2):
+        run.now = float(now)
+        for number in range(2):
+            run.crew.see(number, run.now, run.poses[number][:2])
+        if now == 0:
+            view = look(run.world.known, run.poses[1][:2], 0.5)
+            second.aside.add(0.0, run.world.known, view.frontiers[0], "a reason")
+        for number in range(2):
+            run.decide(number, run.crew.members[number])
+    assert first.target is not None and second.target is None and second.state == EXPLORING
+    column, row = (int(value / 0.5) for value in run.goals[1][:2])
+    assert column == 8 and row in (1, 2)            # the side branch
+    assert [text for number, text in run.told if number == 1] == [
+        "no frontier is left for this robot; it waits for the others"]
+    run.poses[1] = run.goals[1]
+    run.results[1] = "succeeded"
+    run.decide(1, run.crew.members[1])
+    assert second.state == EXPLORING and len(run.sent[1]) == 1
 
 
 def test_a_robot_that_has_ended_claims_its_place():

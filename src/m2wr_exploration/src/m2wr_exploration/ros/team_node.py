@@ -301,7 +301,7 @@ class TeamNode:
         if costmap is None or pose is None:
             return
         result, why = robot.goals.take()
-        member.driving = member.driving and not result
+        self.crew.drive(number, now, member.driving and not result)
         decision = member.explorer.step(now, costmap, pose, result, why, self.crew.others(number, now),
                                         self._known[number])
         self.crew.share(number)
@@ -309,10 +309,10 @@ class TeamNode:
             rospy.loginfo("%s: %s", member.name, message)
         if decision.goal is not None:
             robot.goals.send(decision.goal, costmap.frame)
-            member.driving = True
+            self.crew.drive(number, now, True)
         elif decision.cancel:
             robot.goals.cancel()
-            member.driving = False
+            self.crew.drive(number, now, False)
 
     # ---- what people see ---------------------------------------------------------------------------------------
 

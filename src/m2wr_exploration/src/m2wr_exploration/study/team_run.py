@@ -108,7 +108,7 @@ class _Team:
         for number, drive in enumerate(self.drives):
             drive.look(seen[number], np.delete(places, number, axis=0))
             self.crew.see(number, now, places[number])
-            self.crew.members[number].driving = drive.driving
+            self.crew.drive(number, now, drive.driving)
         if now - self._merged >= MERGED_EVERY:
             self._merged = now
             self._known = self.merged()
@@ -117,7 +117,7 @@ class _Team:
             if not self.ended[number] and drive.is_due(now):
                 self.ended[number] = drive.decide(seen[number], self.crew.occupancy(number, now, self._known),
                                                   self.crew.others(number, now))
-                self.crew.members[number].driving = drive.driving
+                self.crew.drive(number, now, drive.driving)
                 self.crew.share(number)
 
     def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
