@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import actionlib
 import rospy
+from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
@@ -31,7 +32,9 @@ class Goals:
 
     def __init__(self, action: str = "move_base") -> None:
         self.action = action
-        self._client = actionlib.SimpleActionClient(action, MoveBaseAction)
+        # not the simple client: it reports an error whenever a goal replaces another one
+        self._client = actionlib.ActionClient(action, MoveBaseAction)
+        self._handle: Any = None
         self._lock = threading.Lock()
         self._result: Tuple[str, str] = ("", "")
         self._sent = 0
@@ -56,12 +59,12 @@ class Goals:
         self._sent += 1
         number = self._sent
 
-        def done(status: int, _result: Any) -> None:
+        def changed(handle: Any) -> None:
             with self._lock:
-                if number == self._sent and status in RESULTS:
-                    self._result = (RESULTS[status], self._client.get_goal_status_text())
+                if number == self._sent and handle.get_comm_state() == CommState.DONE:
+                    self._result = (RESULTS.get(handle.get_terminal_state(), "aborted"), handle.get_goal_status_text())
 
-        self._client.send_goal(goal, done)
+        self._handle = self._client.send_goal(goal, changed)
 
     def take(self) -> Tuple[str, str]:
         """Return the result of the last goal and why, once; two empty texts: there is none."""
@@ -72,7 +75,8 @@ class Goals:
     def cancel(self) -> None:
         """Cancel the last goal; what comes of it does not count."""
         self._sent += 1
-        self._client.cancel_goal()
+        if self._handle is not None:
+            self._handle.cancel()
 
     def cancel_all(self, result: str = "") -> None:
         """Cancel all goals of the action, also those of others.
