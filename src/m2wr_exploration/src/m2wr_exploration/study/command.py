@@ -7,17 +7,19 @@ import os
 import sys
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_campaign.runner.pool import Pool, told_rows
 from m2wr_exploration import registry
 from m2wr_exploration.explorer import PARAMETERS
-from m2wr_exploration.study.offline import offline_length
-from m2wr_exploration.study.run import explore
+from m2wr_exploration.study.guide import Guide
+from m2wr_exploration.study.offline import offline_tour
+from m2wr_exploration.study.run import explore, follow
 from m2wr_exploration.study.scenes import buildings, named
 from m2wr_exploration.study.settings import EXPLORER, navigation_parameters
+from m2wr_exploration.study.truth import wall_shares
 from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_navigation.parameters import read
@@ -26,13 +28,16 @@ from m2wr_sim.errors import SimError
 
 if TYPE_CHECKING:
     from m2wr_exploration.study.scenes import Place
+    from m2wr_gmapping.array_types import FloatArray
 
 RANGE = 9.9                 # m: of m2wr's laser
 ENOUGH = 0.99               # of the reachable area
 TIME_LIMIT = 1800.0         # s of wall time for a run
 NAMED = ("world01", "world02", "world03", "unreachable", "house")
-_HEAD = "%-16s %10s %9s %14s %14s %9s %9s" % (
-    "strategy", ">= 99 %", "contacts", "path m median", "path / offline", "time s", "CPU s")
+GUIDED = "guided"           # no strategy: the robot is led along the offline tour
+_HEAD = "%-16s %10s %9s %14s %14s %9s %13s %13s %9s" % (
+    "strategy", ">= 99 %", "contacts", "path m median", "path / offline", "time s", "right walls %", "drawn walls %",
+    "CPU s")
 
 
 @dataclass(frozen=True)
@@ -43,15 +48,15 @@ class Task:
     strategy: str
 
 
-def perform(places: Sequence[Place], offline: Sequence[float], given: Mapping[str, Any], seed: int,
+def perform(places: Sequence[Place], offline: Sequence[Tuple[float, FloatArray]], given: Mapping[str, Any], seed: int,
             task: Task) -> Dict[str, Any]:
     """Let the robot explore.
 
     Parameters
     ----------
     places : sequence of Place
-    offline : sequence of float
-        Length of an offline tour of each [m].
+    offline : sequence of (float, (N, 2) float64)
+        Length of an offline tour of each [m], and its places [m].
     given : mapping of str to object
         Parameters of move_base.
     seed : int
@@ -63,14 +68,18 @@ def perform(places: Sequence[Place], offline: Sequence[float], given: Mapping[st
     dict of str to object
         Figures, curve, path and messages.
     """
-    place, kind = places[task.place], registry.find(task.strategy)
+    place, (length, points) = places[task.place], offline[task.place]
     began = os.times()
-    values, _ = read(PARAMETERS, EXPLORER, "")
-    run = explore(place, kind(read(kind.PARAMETERS, {}, "")[0]), values, given, seed)
+    if task.strategy == GUIDED:
+        run = follow(place, Guide(points), given, seed)
+    else:
+        kind, values = registry.find(task.strategy), read(PARAMETERS, EXPLORER, "")[0]
+        run = explore(place, kind(read(kind.PARAMETERS, {}, "")[0]), values, given, seed)
     ended = os.times()
+    right, drawn = wall_shares(place.truth, run.known)
     return {"world": place.name, "strategy": task.strategy, "share": run.share, "area": run.area,
-            "length": run.length, "offline": offline[task.place], "time": run.time, "contacts": run.contacts,
-            "goals": run.goals, "ended": run.ended, "cpu": ended.user - began.user,
+            "length": run.length, "offline": length, "right": right, "drawn": drawn, "time": run.time,
+            "contacts": run.contacts, "goals": run.goals, "ended": run.ended, "cpu": ended.user - began.user,
             "curve": np.round(run.curve, 4).tolist(), "path": np.round(run.path, 2).tolist(), "messages": run.messages}
 
 
@@ -85,8 +94,8 @@ def lost(task: Task, reason: str, log: str, wall: float) -> Dict[str, Any]:
         [s]
     """
     return {"world": str(task.place), "strategy": task.strategy, "share": 0.0, "area": 0.0, "length": 0.0,
-            "offline": 0.0, "time": 0.0, "contacts": 0, "goals": 0, "ended": "failed: " + reason, "cpu": wall,
-            "curve": [], "path": [], "messages": [log]}
+            "offline": 0.0, "right": 0.0, "drawn": 0.0, "time": 0.0, "contacts": 0, "goals": 0,
+            "ended": "failed: " + reason, "cpu": wall, "curve": [], "path": [], "messages": [log]}
 
 
 def line(strategy: str, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -100,10 +109,11 @@ def line(strategy: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """
     full = [row for row in rows if row["share"] >= ENOUGH]
     ratios = [row["length"] / row["offline"] for row in full if row["offline"] > 0.0]
-    return "%-16s %10s %9d %14s %14s %9s %9.1f" % (
+    return "%-16s %10s %9d %14s %14s %9s %13s %13s %9.1f" % (
         strategy, "%d of %d" % (len(full), len(rows)), sum(row["contacts"] for row in rows),
         "%.1f" % np.median([row["length"] for row in full]) if full else "",
         "%.2f" % np.mean(ratios) if ratios else "", "%.0f" % np.median([row["time"] for row in full]) if full else "",
+        *("%.2f" % (100.0 * np.mean([row[name] for row in full])) if full else "" for name in ("right", "drawn")),
         np.mean([row["cpu"] for row in rows]))
 
 
@@ -113,7 +123,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--worlds", default=",".join(NAMED), help="names or files, with commas; none: only generated "
                         "ones (default %(default)s)")
     parser.add_argument("--buildings", type=int, default=0, help="generated buildings (default %(default)s)")
-    parser.add_argument("--strategies", default=",".join(registry.STRATEGIES), help="with commas (%(default)s)")
+    parser.add_argument("--strategies", default=",".join(registry.STRATEGIES), help="with commas (%(default)s); " +
+                        GUIDED + ": no strategy, the robot is led along an offline tour")
     parser.add_argument("--seed", type=int, default=1, help="of buildings and noise (default %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default %(default)s)")
     parser.add_argument("--robots", default="", help="numbers of robots, with commas, such as 1,2,4,8: teams are "
@@ -145,7 +156,8 @@ def main(argv: Optional[List[str]] = None) -> int:
         return compare_teams(options, parser)
     try:
         for name in strategies:
-            registry.find(name)
+            if name != GUIDED:
+                registry.find(name)
         for path in (options.json, options.figure):
             if path:
                 check_writable(path)
@@ -157,7 +169,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     if not places:
         parser.error("expected at least one world, or --buildings")
     compile_kernels()
-    offline = [offline_length(place, RANGE) for place in places]
+    offline = [offline_tour(place, RANGE) for place in places]
     tasks = [Task(number, name) for number in range(len(places)) for name in strategies]
     pool: Pool[Task] = Pool(partial(perform, places, offline, navigation_parameters(), options.seed), lost,
                             min(options.workers, len(tasks)))

@@ -61,8 +61,8 @@ def view_points(place: Place, reach: float) -> List[Tuple[int, int]]:
     return chosen
 
 
-def tour_length(place: Place, cells: List[Tuple[int, int]]) -> float:
-    """Return the length of a short open tour over cells from the first one [m].
+def short_tour(place: Place, cells: List[Tuple[int, int]]) -> Tuple[float, List[Tuple[int, int]]]:
+    """Return the length of a short open tour over cells from the first one [m], and the cells in its order.
 
     Parameters
     ----------
@@ -74,7 +74,8 @@ def tour_length(place: Place, cells: List[Tuple[int, int]]) -> float:
     for number, cell in enumerate(cells):
         field = distances(place.truth, cell)
         between[number] = [field[other] for other in cells]
-    return _length(between, _improved(between, _inserted(between)))
+    order = _improved(between, _inserted(between))
+    return _length(between, order), [cells[number] for number in order]
 
 
 def _length(between: FloatArray, order: List[int]) -> float:
@@ -108,8 +109,8 @@ def _improved(between: FloatArray, order: List[int]) -> List[int]:
     return order
 
 
-def offline_length(place: Place, reach: float) -> float:
-    """Return the length of a tour that sees ENOUGH of the reachable area of a known world [m].
+def offline_tour(place: Place, reach: float) -> Tuple[float, FloatArray]:
+    """Return a tour that sees ENOUGH of the reachable area of a known world: its length [m], and its places (N, 2) [m].
 
     Parameters
     ----------
@@ -117,4 +118,5 @@ def offline_length(place: Place, reach: float) -> float:
     reach : float
         Range of the laser [m].
     """
-    return tour_length(place, view_points(place, reach))
+    length, cells = short_tour(place, view_points(place, reach))
+    return length, np.array([place.truth.centre(row, column) for row, column in cells])

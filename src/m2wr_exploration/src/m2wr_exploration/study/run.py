@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from motion_plan.body import LASER_X
 if TYPE_CHECKING:
     from m2wr_exploration.explorer import Teammate
     from m2wr_exploration.strategies.strategy import Strategy
+    from m2wr_exploration.study.guide import Guide
     from m2wr_exploration.study.scenes import Place
     from m2wr_gmapping.array_types import FloatArray, Int8Array
     from m2wr_sim.api import StepResult
@@ -110,7 +111,7 @@ def sight(result: StepResult, name: str) -> Sight:
 class Drive:
     """The state of one robot in a run."""
 
-    def __init__(self, place: Place, explorer: Explorer, given: Mapping[str, Any],
+    def __init__(self, place: Place, explorer: Union[Explorer, Guide], given: Mapping[str, Any],
                  start: Optional[Tuple[float, float, float]] = None) -> None:
         self.place, self.explorer = place, explorer
         truth = place.truth
@@ -222,7 +223,25 @@ def explore(place: Place, strategy: Strategy, values: Mapping[str, Any], given: 
     -------
     Exploration
     """
-    drive = Drive(place, Explorer(values, strategy), given)
+    return follow(place, Explorer(values, strategy), given, seed, change, limit)
+
+
+def follow(place: Place, guide: Union[Explorer, Guide], given: Mapping[str, Any], seed: int,
+           change: Optional[Callable[[float, Sim], None]] = None, limit: float = LIMIT) -> Exploration:
+    """Let a robot drive to the goals of an explorer or a guide until there is none, or a limit of time.
+
+    Parameters
+    ----------
+    place : Place
+    guide : Explorer or Guide
+    given, seed, change, limit
+        As for :func:`explore`.
+
+    Returns
+    -------
+    Exploration
+    """
+    drive = Drive(place, guide, given)
     contacts, ended = 0, False
     with Sim(place.world, "m2wr", place.start, seed=seed, sensing="now") as sim:
         result = sim.step((0.0, 0.0), PERIOD)

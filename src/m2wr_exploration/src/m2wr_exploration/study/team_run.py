@@ -93,9 +93,11 @@ def starts(place: Place, count: int) -> List[Tuple[float, float, float]]:
 class _Team:
     """The robots of a run."""
 
-    def __init__(self, place: Place, drives: Sequence[Drive], names: Sequence[str]) -> None:
-        self.place, self.drives = place, drives
-        self.crew = Crew(names, [drive.explorer for drive in drives])
+    def __init__(self, place: Place, explorers: Sequence[Explorer], poses: Sequence[Tuple[float, float, float]],
+                 given: Mapping[str, Any], names: Sequence[str]) -> None:
+        self.place = place
+        self.drives = drives = [Drive(place, explorer, given, pose) for explorer, pose in zip(explorers, poses)]
+        self.crew = Crew(names, explorers)
         self.ended = [False] * len(drives)
         self.curve: List[Tuple[float, float]] = []
         self._merged = -math.inf
@@ -175,8 +177,7 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
         raise ValueError("two robots have the name {}; expected a name for each".format(", ".join(double)))
-    team = _Team(place, [Drive(place, Explorer(values, strategy), given, pose)
-                         for strategy, pose in zip(strategies, poses)], names)
+    team = _Team(place, [Explorer(values, strategy) for strategy in strategies], poses, given, names)
     contacts = 0
     with Sim(place.world, seed=seed, sensing="now") as sim:
         for name, pose in zip(names, poses):

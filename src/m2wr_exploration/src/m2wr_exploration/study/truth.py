@@ -61,3 +61,45 @@ def explored_share(truth: Costmap, wanted: BoolArray, known: Costmap) -> Tuple[f
     costs = known.costs[cells[inside, 0], cells[inside, 1]]
     area = len(rows) * truth.resolution ** 2
     return float(np.count_nonzero(costs != NO_INFORMATION)) / max(1, len(rows)), area
+
+
+def wall_shares(truth: Costmap, known: Costmap) -> Tuple[float, float]:
+    """Return how well the walls of a map agree with the true ones.
+
+    Parameters
+    ----------
+    truth : Costmap
+        Of the true world.
+    known : Costmap
+        The robot's map, in the frame of the world, not rotated.
+
+    Returns
+    -------
+    right : float
+        Share of the occupied cells that are within one cell of a true obstacle; 1 if there are none.
+    drawn : float
+        Share of the cells at the border of true obstacles beside known free ones that have an occupied cell within one
+        cell; 1 if there are none.
+    """
+    rows, columns = np.nonzero(np.ones(truth.shape, bool))
+    cells = known.cells((np.stack([columns, rows], -1) + 0.5) * truth.resolution + truth.origin)
+    inside = known.inside(cells)
+    costs = np.full(len(rows), NO_INFORMATION, np.uint8)
+    costs[inside] = known.costs[cells[inside, 0], cells[inside, 1]]
+    seen, walls = costs.reshape(truth.shape), truth.costs == LETHAL
+    occupied, free = seen == LETHAL, seen < LETHAL
+    border = walls & _beside(~walls) & _beside(free)
+    return _share(occupied & _beside(walls), occupied), _share(border & _beside(occupied), border)
+
+
+def _beside(mask: BoolArray) -> BoolArray:
+    """Return a mask (H, W) with the eight neighbours of its cells."""
+    away = np.empty(mask.shape, np.float32)
+    distance_transform(mask, 3.0, away)
+    near: BoolArray = away < 1.5
+    return near
+
+
+def _share(part: BoolArray, whole: BoolArray) -> float:
+    count = int(np.count_nonzero(whole))
+    return float(np.count_nonzero(part)) / count if count else 1.0
