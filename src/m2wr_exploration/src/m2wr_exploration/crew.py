@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int8Array
     from m2wr_navigation.costmap.costmap import Costmap
 
-BODY = 0.2              # m: disc drawn for a robot that waits; the costmap inflates it
+BODY = 0.2              # m: disc drawn for a robot that does not get on; the costmap inflates it
 DETOUR_OCCUPANCY = 50   # of a cell around a robot that waits: it becomes making_room's COST in a costmap
-STANDS = 5.0            # s: without a move of MOVED, until a robot that drives counts as one that waits
+STANDS = 5.0            # s: without a move of MOVED, until a robot with a goal counts as one that does not get on
 MOVED = 0.1             # m
 
 
@@ -102,7 +102,7 @@ class Crew:
         member.driving = driving
 
     def stands(self, number: int, now: float) -> bool:
-        """Return whether a robot waits, or has not moved for some time, and so is an obstacle for planners.
+        """Return whether a robot waits, or has not moved for some time, so that planners have to know of it.
 
         Parameters
         ----------
