@@ -52,6 +52,21 @@ def rotate(x: float, y: float, z: float, w: float, vx: float, vy: float, vz: flo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def copy_contact(values: Values, to: int, at: int) -> None:
+    """Copy position, normal and depth of a contact.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    to, at : int
+        Words of the contact that is written, and of the one that is read.
+    """
+    for word in range(C_GEOMETRY, C_DEPTH + 1):
+        values[to + word] = values[at + word]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def with_direction(values: Values, first: int, count: int) -> int:
     """Move the contacts with a valid normal to the front, see contacts.has_direction.
 
@@ -76,8 +91,7 @@ def with_direction(values: Values, first: int, count: int) -> int:
         if not 0.5 < x * x + y * y + z * z < 2.0:
             continue
         if kept != index:
-            for word in range(C_GEOMETRY, C_DEPTH + 1):
-                values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
+            copy_contact(values, first + kept * CONTACT_WORDS, first + index * CONTACT_WORDS)
         kept += 1
     return kept
 
@@ -109,8 +123,7 @@ def merge(values: Values, first: int, count: int) -> None:
             depth, deepest = values[at + C_DEPTH], at
     norm = math.sqrt(nx * nx + ny * ny + nz * nz)
     if norm < 0.5 * count:
-        for word in range(C_GEOMETRY, C_DEPTH + 1):
-            values[first + word] = values[deepest + word]
+        copy_contact(values, first, deepest)
         return
     position, normal = first + C_POSITION, first + C_NORMAL
     values[position], values[position + 1], values[position + 2] = px / count, py / count, pz / count
@@ -170,8 +183,7 @@ def merge_faces(values: Values, first: int, count: int, limit: int) -> int:
         seeds[known] = start
     for known in range(places):
         if seeds[known] != known:
-            for word in range(C_GEOMETRY, C_DEPTH + 1):
-                values[first + known * CONTACT_WORDS + word] = values[first + seeds[known] * CONTACT_WORDS + word]
+            copy_contact(values, first + known * CONTACT_WORDS, first + seeds[known] * CONTACT_WORDS)
     return places
 
 
@@ -261,8 +273,7 @@ def spread(values: Values, first: int, count: int, limit: int) -> None:
     for index in range(count):
         if chosen[index]:
             if kept != index:
-                for word in range(C_GEOMETRY, C_DEPTH + 1):
-                    values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
+                copy_contact(values, first + kept * CONTACT_WORDS, first + index * CONTACT_WORDS)
             kept += 1
 
 

@@ -16,6 +16,7 @@ from numba.extending import intrinsic
 
 from m2wr_sim.physics.contact_kernels import (
     FACES,
+    copy_contact,
     deepest_faces,
     is_repeated,
     merge,
@@ -276,8 +277,7 @@ def _drop_repeated(words: Words, values: Values, first: int, count: int, one: in
         if repeated:
             continue
         if left != index:
-            for word in range(C_GEOMETRY, C_DEPTH + 1):
-                values[first + left * CONTACT_WORDS + word] = values[at + word]
+            copy_contact(values, first + left * CONTACT_WORDS, at)
         left += 1
     return left
 
