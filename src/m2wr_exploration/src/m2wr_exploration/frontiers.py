@@ -186,7 +186,7 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
     enough = [part for part in _parts(groups, count) if len(part) * costmap.resolution >= least]
     made = [_frontier(costmap, robot, distance, part, _beside(part, distance)) for part in enough]
     if corner > 0.0:
-        made += _corners(costmap, costmap.costs if known is None else _aligned(known, costmap), robot, distance, corner,
+        made += _corners(costmap, costmap.costs if known is None else aligned(known, costmap), robot, distance, corner,
                          groups, start)
     found = [frontier for frontier in made if frontier is not None]
     return View(costmap, robot, distance, found, count - len(enough))
@@ -202,8 +202,14 @@ def _parts(groups: Int32Array, count: int) -> List[IndexArray]:
     return np.split(cells[order], np.searchsorted(numbers[order], np.arange(2, count + 1)))
 
 
-def _aligned(known: Costmap, costmap: Costmap) -> Uint8Array:
-    """Return the costs (H, W) of a map at the cells of another one; unknown where it has none."""
+def aligned(known: Costmap, costmap: Costmap) -> Uint8Array:
+    """Return the costs (H, W) of a map at the cells of another one; unknown where it has none.
+
+    Parameters
+    ----------
+    known, costmap : Costmap
+        The map, and the one with the cells; in one frame, not rotated.
+    """
     centres = [costmap.origin[axis] + (np.arange(count) + 0.5) * costmap.resolution
                for axis, count in ((1, costmap.rows), (0, costmap.columns))]
     rows, columns = (np.floor((centre - known.origin[axis]) / known.resolution).astype(int)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Dict, Iterator, Sequence, Tuple
 import numpy as np
 
 from m2wr_campaign.worlds.generators import GENERATORS, generate
-from m2wr_exploration.study.truth import reachable_area
+from m2wr_exploration.study.truth import passable_from, reachable_area
 from m2wr_navigation.accuracy.scenes import house
 from m2wr_navigation.compare.planned import costmap_of
 from m2wr_navigation.costmap.cost_layout import INSCRIBED
-from m2wr_navigation.planners.wave_kernels import connected
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT
@@ -116,11 +115,10 @@ def random_start(world: World, seed: int) -> Tuple[float, float, float]:
     between = np.zeros(truth.shape, bool)
     between[tuple(slice(low, high + 1) for low, high in zip(corners.min(axis=0), corners.max(axis=0)))] = True
     free = between & (truth.costs < INSCRIBED)
-    table = np.where(np.arange(256) < INSCRIBED, 1.0, np.inf).astype(np.float32)
     generator, best = np.random.default_rng(seed), np.zeros((0, 2), np.int64)
     for cell in generator.permutation(np.argwhere(free))[:DRAWS]:
         if free[tuple(cell)]:               # not in an area that was drawn before
-            area = np.argwhere((connected(truth.costs, table, (int(cell[0]), int(cell[1])))[0] == 1) & free)
+            area = np.argwhere(passable_from(truth, (int(cell[0]), int(cell[1]))) & free)
             best = area if len(area) > len(best) else best
             free[area[:, 0], area[:, 1]] = False
     if not len(best):

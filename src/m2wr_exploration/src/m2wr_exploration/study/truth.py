@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
+from m2wr_exploration.frontiers import aligned
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
 from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.planners.wave_kernels import connected
@@ -13,6 +14,20 @@ from m2wr_navigation.planners.wave_kernels import connected
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+
+
+def passable_from(truth: Costmap, cell: Tuple[int, int]) -> BoolArray:
+    """Return the cells (H, W) to which the centre of a robot can get from one of them.
+
+    Parameters
+    ----------
+    truth : Costmap
+        Inscribed where the robot cannot be.
+    cell : (row, column)
+    """
+    table = np.where(np.arange(256) < INSCRIBED, 1.0, np.inf).astype(np.float32)
+    found: BoolArray = connected(truth.costs, table, cell)[0] == 1
+    return found
 
 
 def reachable_area(truth: Costmap, start: FloatArray, radius: float) -> BoolArray:
@@ -35,10 +50,8 @@ def reachable_area(truth: Costmap, start: FloatArray, radius: float) -> BoolArra
     cell = truth.cell(float(start[0]), float(start[1]))
     if cell is None or truth.costs[cell] >= INSCRIBED:
         raise ValueError("the robot cannot start at ({:.2f}, {:.2f})".format(float(start[0]), float(start[1])))
-    table = np.where(np.arange(256) < INSCRIBED, 1.0, np.inf).astype(np.float32)
-    found, _ = connected(truth.costs, table, cell)
     away = np.empty(truth.shape, np.float32)
-    distance_transform(found == 1, float(sum(truth.shape)), away)
+    distance_transform(passable_from(truth, cell), float(sum(truth.shape)), away)
     covered: BoolArray = (away * truth.resolution <= radius) & (truth.costs != LETHAL)
     return covered
 
@@ -54,13 +67,8 @@ def explored_share(truth: Costmap, wanted: BoolArray, known: Costmap) -> Tuple[f
     known : Costmap
         The robot's map, in the frame of the world, not rotated.
     """
-    rows, columns = np.nonzero(wanted)
-    centres = (np.stack([columns, rows], -1) + 0.5) * truth.resolution + truth.origin
-    cells = known.cells(centres)
-    inside = known.inside(cells)
-    costs = known.costs[cells[inside, 0], cells[inside, 1]]
-    area = len(rows) * truth.resolution ** 2
-    return float(np.count_nonzero(costs != NO_INFORMATION)) / max(1, len(rows)), area
+    count, seen = int(np.count_nonzero(wanted)), wanted & (aligned(known, truth) != NO_INFORMATION)
+    return float(np.count_nonzero(seen)) / max(1, count), count * truth.resolution ** 2
 
 
 def wall_shares(truth: Costmap, known: Costmap) -> Tuple[float, float]:
@@ -81,12 +89,7 @@ def wall_shares(truth: Costmap, known: Costmap) -> Tuple[float, float]:
         Share of the cells at the border of true obstacles beside known free ones that have an occupied cell within one
         cell; 1 if there are none.
     """
-    rows, columns = np.nonzero(np.ones(truth.shape, bool))
-    cells = known.cells((np.stack([columns, rows], -1) + 0.5) * truth.resolution + truth.origin)
-    inside = known.inside(cells)
-    costs = np.full(len(rows), NO_INFORMATION, np.uint8)
-    costs[inside] = known.costs[cells[inside, 0], cells[inside, 1]]
-    seen, walls = costs.reshape(truth.shape), truth.costs == LETHAL
+    seen, walls = aligned(known, truth), truth.costs == LETHAL
     occupied, free = seen == LETHAL, seen < LETHAL
     border = walls & _beside(~walls) & _beside(free)
     return _share(occupied & _beside(walls), occupied), _share(border & _beside(occupied), border)
