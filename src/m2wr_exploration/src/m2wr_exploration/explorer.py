@@ -17,7 +17,7 @@ from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 PARAMETERS: Dict[str, Parameter] = {
@@ -351,9 +351,8 @@ class Explorer:
         """
         costs = [[frontier.path for frontier in frontiers]]
         for other in others:
-            cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
-            if other.target is None and cell is not None:
-                field = distances(view.costmap, cell)
+            field = None if other.target is not None else _field(view, other)
+            if field is not None:
                 costs.append([math.inf if other.refuses(frontier) else float(field[frontier.goal_cell])
                               for frontier in frontiers])
         claims = [other.target for other in others if other.target is not None and not any(
@@ -432,8 +431,14 @@ class Explorer:
 
 def _way(view: View, other: Teammate, frontier: Frontier) -> float:
     """Return the length of the path of a teammate to a frontier [m]; inf: none."""
+    field = _field(view, other)
+    return math.inf if field is None else float(field[frontier.goal_cell])
+
+
+def _field(view: View, other: Teammate) -> Optional[Float32Array]:
+    """Return the length of the path of a teammate to each cell (H, W) [m]; None: it is outside of the map."""
     cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
-    return math.inf if cell is None else float(distances(view.costmap, cell)[frontier.goal_cell])
+    return None if cell is None else distances(view.costmap, cell)
 
 
 def _unknown_of(known: Costmap, points: FloatArray) -> FloatArray:

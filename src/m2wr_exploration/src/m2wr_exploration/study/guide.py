@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence
+from typing import TYPE_CHECKING, List, Optional, Sequence
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Guide:
         now, costmap, pose, result, text, others, known : Any
             As for :meth:`m2wr_exploration.explorer.Explorer.step`; only the result and its text count.
         """
-        messages: List[Any] = ["a place of the tour was left out: " + text] if result == "aborted" else []
+        messages: List[str] = ["a place of the tour was left out: " + text] if result == "aborted" else []
         if self._next and not result:
             return Decision(state=self.state)
         if self._next == len(self._goals):

@@ -12,6 +12,7 @@ from m2wr_exploration.frontiers import NEAR, distances
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.localization.field_kernels import distance_transform
+from m2wr_navigation.parameters import read
 from m2wr_navigation.planners.navfn import Navfn
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 ROOM = 0.7
 DETOUR = ROOM + 0.1     # m: radius of the disc around a robot that waits, through which paths cost more
 COST = 127              # of a cell in this disc: navfn's path through it counts three times its length
-_PLANNER = {"allow_unknown": True, "default_tolerance": 0.0, "visualize_potential": False}      # as of move_base
+_PLANNER = read(Navfn.PARAMETERS, {}, "")[0]     # as move_base plans by default
 
 
 def paths(costmap: Costmap, robot: FloatArray, ways: Sequence[Tuple[FloatArray, FloatArray]]) -> List[FloatArray]:
