@@ -154,6 +154,25 @@ def test_hidden_shapes_among_many_are_left_out(name, tilt):
         np.testing.assert_array_equal(hits, rows)
 
 
+@pytest.mark.parametrize("name", sorted(FANS))
+@pytest.mark.parametrize("tilt", [0.003, 0.03, 0.3])
+def test_tilted_beams_meet_thin_layers(name, tilt):
+    """Some are above or below all beams, some within their height, some are crossed."""
+    rng = np.random.default_rng([len(name), int(tilt * 1e3)])
+    for trial in range(3):
+        shapes = []
+        for k in range(16):
+            wide, thin = rng.uniform(0.3, 4.0, 2), rng.choice([0.02, 0.1, 0.6])
+            geometry = Box((wide[0], wide[1], thin)) if k % 2 else Cylinder(0.5 * wide[0], thin)
+            at = tuple(rng.uniform(-7.0, 7.0, 2)) + (rng.uniform(-0.4, 0.4),)
+            shapes.append((geometry, (at, quaternion_from_rpy(0.0, rng.choice([0.0, 0.01]), rng.uniform(-3.0, 3.0)))))
+        turn = quaternion_from_rpy(*rng.uniform(-tilt, tilt, 2), rng.uniform(-math.pi, math.pi))
+        found, hits = cast(build(shapes), (0.0, 0.0, 0.0), turn, FANS[name])
+        assert_same_ranges(found, plain_cast(shapes, (0.0, 0.0, 0.0), turn, FANS[name], 0.1))
+        _, rows = cast(build(shapes), (0.0, 0.0, 0.0), turn, FANS[name], kernel=cast_rays_numpy)
+        np.testing.assert_array_equal(hits, rows)
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.02, 3.0])
 def test_rays_match_those_of_ode(tilt):
     ode = pytest.importorskip("ode")

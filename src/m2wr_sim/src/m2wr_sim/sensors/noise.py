@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 TABLE_SIZE = 131072     # draws, 1 MB: at 20 Hz and 720 beams it repeats after 9 s
-_FIRST_DRAWS = 2048     # of a table that is drawn as it is used; then as many again as there are
+_DRAWS_AT_ONCE = 4096   # of a table that is drawn as it is used
 _WITHOUT_NOISE = ('none', 'custom')
 _GAUSSIAN = ('gaussian', 'gaussian_quantized')
 
@@ -114,6 +114,6 @@ class NoiseModel:
 
     def _draw(self, least: int) -> None:
         """Draw the next numbers of the table, until there are at least that many."""
-        end = min(self.normals.size, max(least, 2 * self._drawn, _FIRST_DRAWS))
+        end = min(self.normals.size, max(least, self._drawn + _DRAWS_AT_ONCE))
         self._rng.standard_normal(out=self.normals[self._drawn:end])
         self._drawn = end

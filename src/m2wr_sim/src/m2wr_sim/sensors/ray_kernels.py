@@ -30,25 +30,34 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, atan, azimuth, kernel, product, rotation  # noqa: F401
+from m2wr_sim.sensors.base_kernels import (  # noqa: F401
+    HAVE_NUMBA,
+    atan,
+    azimuth,
+    inlined,
+    kernel,
+    product,
+    rotation,
+)
+from m2wr_sim.sensors.range_kernels import BOX, CYLINDER, PLANE, SPHERE, TINY, sweep  # noqa: F401
 
-BOX, SPHERE, CYLINDER, PLANE, MESH, GROUND = 0, 1, 2, 3, 4, 5
+MESH, GROUND = 4, 5             # further kinds of shapes, see range_kernels for those before
 POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
 COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
 HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
 RINGS = 64              # classes of distance for the near-to-far order
 AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
-TINY = 1e-12            # least direction component; moves a hit by at most 1e-12 of its range
 FEW_BEAMS = 8           # with fewer beams, computing the azimuths takes more time than it saves
 MANY = 100              # with more shapes within reach most are hidden, and testing for that first saves time
+OUTSIDE, CROSSING, INSIDE = 0, 1, 2     # beams relative to the height of a shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from m2wr_sim.sensors.range_kernels import Terms
+
     Floats = NDArray[np.float64]
     Vector = Tuple[float, float, float]
-    #: Coefficients of cosine and sine of the azimuth, constant, and origin.
-    Terms = Tuple[float, float, float, float]
 
 
 @kernel
@@ -189,127 +198,16 @@ def _beam_span(low: float, high: float, turn: int, frame: Floats, count: int) ->
     return int(math.ceil(first)), int(math.floor(last)) + 1
 
 
-@kernel
-def _slab(direction: float, origin: float, half: float) -> Tuple[float, float]:
-    """Return where a ray enters and leaves |x| <= half along one axis."""
-    inverse = 1.0 / (TINY if abs(direction) < TINY else direction)      # NaN stays NaN
-    one, two = (-half - origin) * inverse, (half - origin) * inverse
-    return (one if one < two else two), (two if one < two else one)
-
-
-@kernel
-def _first_hit(enter: float, leave: float, nearest: float) -> float:
-    """Return the first of entry and exit beyond ``nearest``; infinity where the shape is missed."""
-    t = enter if enter > nearest else leave
-    t = t if leave >= enter else np.inf
-    return t if t > nearest else np.inf
-
-
-@kernel
-def _box_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
-    """Return the range to a box.
-
-    ``x, y, z`` hold, for each axis of the box, the coefficients of the direction (of c, of s, constant) and the origin.
-    """
-    enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
-    enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
-    enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
-    enter = enter if enter > enter_y else enter_y
-    enter = enter if enter > enter_z else enter_z
-    leave = leave if leave < leave_y else leave_y
-    leave = leave if leave < leave_z else leave_z
-    return _first_hit(enter, leave, nearest)
-
-
-@kernel
-def _tall_box_range(c: float, s: float, x: Terms, y: Terms, half: Vector, nearest: float) -> float:
-    """Return the range to a box that no beam can pass above or below."""
-    enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
-    enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
-    enter = enter if enter > enter_y else enter_y
-    leave = leave if leave < leave_y else leave_y
-    return _first_hit(enter, leave, nearest)
-
-
-@kernel
-def _tube(c: float, s: float, x: Terms, y: Terms, radius: float) -> Tuple[float, float]:
-    """Return where a ray enters and leaves the infinite cylinder about z; entry beyond exit if it misses."""
-    dx, dy = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2]
-    dx = TINY if abs(dx) < TINY else dx
-    a, b, across = dx * dx + dy * dy, x[3] * dx + y[3] * dy, x[3] * dy - y[3] * dx
-    left = a * radius * radius - across * across     # stays accurate at long range, unlike b * b - a * c
-    root = math.sqrt(left if left > 0.0 else 0.0)
-    inverse = 1.0 / a
-    return (-b - root) * inverse, ((-b + root) * inverse if left >= 0.0 else -np.inf)
-
-
-@kernel
-def _cylinder_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
-    enter, leave = _tube(c, s, x, y, half[0])
-    enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
-    enter = enter if enter > enter_z else enter_z
-    leave = leave if leave < leave_z else leave_z
-    return _first_hit(enter, leave, nearest)
-
-
-@kernel
-def _tall_cylinder_range(c: float, s: float, x: Terms, y: Terms, half: Vector, nearest: float) -> float:
-    """Return the range to a cylinder that no beam can pass above or below."""
-    enter, leave = _tube(c, s, x, y, half[0])
-    return _first_hit(enter, leave, nearest)
-
-
-@kernel
-def _sphere_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
-    dx, dy, dz = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2], z[0] * c + z[1] * s + z[2]
-    b = -(x[3] * dx + y[3] * dy + z[3] * dz)
-    ex, ey, ez = x[3] + b * dx, y[3] + b * dy, z[3] + b * dz
-    left = half[0] * half[0] - (ex * ex + ey * ey + ez * ez)
-    root = math.sqrt(left if left > 0.0 else 0.0)
-    return _first_hit(b - root, (b + root if left >= 0.0 else -np.inf), nearest)
-
-
-@kernel
-def _sweep(kind: int, tall: bool, out: Floats, cosine: Floats, sine: Floats, x: Terms, y: Terms, z: Terms, half: Vector,
-           nearest: float) -> None:
-    """Lower ``out`` to the range of one shape for adjacent beams of one row; all arrays have the same length."""
-    if kind == BOX and tall:
-        for i in range(out.size):
-            t = _tall_box_range(cosine[i], sine[i], x, y, half, nearest)
-            out[i] = t if t < out[i] else out[i]
-    elif kind == BOX:
-        for i in range(out.size):
-            t = _box_range(cosine[i], sine[i], x, y, z, half, nearest)
-            out[i] = t if t < out[i] else out[i]
-    elif kind == CYLINDER and tall:
-        for i in range(out.size):
-            t = _tall_cylinder_range(cosine[i], sine[i], x, y, half, nearest)
-            out[i] = t if t < out[i] else out[i]
-    elif kind == CYLINDER:
-        for i in range(out.size):
-            t = _cylinder_range(cosine[i], sine[i], x, y, z, half, nearest)
-            out[i] = t if t < out[i] else out[i]
-    elif kind == SPHERE:
-        for i in range(out.size):
-            t = _sphere_range(cosine[i], sine[i], x, y, z, half, nearest)
-            out[i] = t if t < out[i] else out[i]
-    else:
-        for i in range(out.size):
-            t = -x[3] / (x[0] * cosine[i] + x[1] * sine[i] + x[2])
-            t = t if t > nearest else np.inf
-            out[i] = t if t < out[i] else out[i]
-
-
-@kernel
+@inlined
 def _cast_run(row: int, tall: bool, out: Floats, hits: NDArray[np.int64], scratch: Floats, cosine: Floats, sine: Floats,
               x: Terms, y: Terms, z: Terms, half: Vector, kind: int, nearest: float) -> None:
     """Cast adjacent beams on one shape; if ``hits`` is not empty, write the shape's row for beams that hit it first."""
     if hits.size == 0:
-        _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest)
+        sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest)
         return
     found = scratch[:out.size]
     found[:] = np.inf
-    _sweep(kind, tall, found, cosine, sine, x, y, z, half, nearest)
+    sweep(kind, tall, found, cosine, sine, x, y, z, half, nearest)
     for i in range(out.size):
         if found[i] < out[i]:
             out[i], hits[i] = found[i], row
@@ -374,6 +272,26 @@ def _turns(low: float, high: float, frame: Floats, n: int) -> Tuple[int, int]:
 
 
 @kernel
+def _height_over(z: Terms, beams: Floats, first: int, last: int, step: float, near: float, far: float,
+                 half: float) -> int:
+    """Return where adjacent beams are along the axis z of a shape while they are from ``near`` to ``far`` away.
+
+    Their rise per metre is a sinusoid of the azimuth.  Between two azimuths it exceeds its values at both by at most
+    amplitude * (1 - cos(angle / 2)).
+    """
+    one = z[0] * beams[0, first] + z[1] * beams[1, first] + z[2]
+    two = z[0] * beams[0, last] + z[1] * beams[1, last] + z[2]
+    angle = step * (last - first)
+    spare = 0.125 * angle * angle * math.sqrt(z[0] * z[0] + z[1] * z[1]) + 1e-9
+    low, high = min(one, two) - spare, max(one, two) + spare
+    low = z[3] + low * (near if low > 0.0 else far)
+    high = z[3] + high * (far if high > 0.0 else near)
+    if low > half or high < -half:
+        return OUTSIDE
+    return INSIDE if -half <= low and high <= half else CROSSING
+
+
+@kernel
 def _cast_solid(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floats, beams: Floats, rows: Floats,
                 frame: Floats, sensor: Sequence[float], centre: Vector, radius: float, shapes: Floats) -> None:
     """Cast the beams that can hit a box, sphere or cylinder and have no nearer hit."""
@@ -383,6 +301,9 @@ def _cast_solid(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floa
     py = sensor[1] * centre[0] + sensor[4] * centre[1] + sensor[7] * centre[2]
     pz = sensor[2] * centre[0] + sensor[5] * centre[1] + sensor[8] * centre[2]
     out_there, margin = math.sqrt(px * px + py * py), radius * (1.0 + 1e-9) + 1e-9
+    away = math.sqrt(px * px + py * py + pz * pz)
+    if away + margin < frame[RANGE_MIN]:        # as the laser's own housing
+        return
     if rows.shape[0] == 1 and rows[0, 0] > 1e-6 and abs(out_there * rows[0, 1] - pz * rows[0, 0]) > margin:
         return
     a = product(b, sensor)     # shape-from-sensor
@@ -398,13 +319,13 @@ def _cast_solid(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floa
         if low > -np.inf:
             first_turn, last_turn = _turns(low, high, frame, n)
     tilt = math.sqrt(a[6] * a[6] + a[7] * a[7])
-    farthest = min(frame[RANGE_MAX], math.sqrt(px * px + py * py + pz * pz) + margin)
+    farthest = min(frame[RANGE_MAX], away + margin)
     for j in range(rows.shape[0]):
         flat, up = rows[j, 0], rows[j, 1]
         rise = farthest * (tilt * abs(flat) + abs(a[8] * up))       # of any beam along the shape's z
         if kind != SPHERE and abs(o[2]) - rise > half[2]:
             continue
-        tall = abs(o[2]) + rise <= half[2]
+        tall, over = abs(o[2]) + rise <= half[2], CROSSING
         x, y = (a[0] * flat, a[1] * flat, a[2] * up, o[0]), (a[3] * flat, a[4] * flat, a[5] * up, o[1])
         z = (a[6] * flat, a[7] * flat, a[8] * up, o[2])
         upright = flat > 1e-6       # else the beams point backwards, and azimuths do not bound the shape
@@ -418,8 +339,12 @@ def _cast_solid(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floa
             while last > first and ranges[j * n + last - 1] <= near:
                 last -= 1
             if first < last:
+                if not tall and kind != SPHERE:
+                    over = _height_over(z, beams, first, last - 1, frame[ANGLE_STEP], near, farthest, half[2])
+                    if over == OUTSIDE:
+                        continue
                 run = slice(j * n + first, j * n + last)
-                _cast_run(row, tall, ranges[run], hits[run] if hits.size > 0 else hits, scratch,
+                _cast_run(row, tall or over == INSIDE, ranges[run], hits[run] if hits.size > 0 else hits, scratch,
                           beams[0, first:last], beams[1, first:last], x, y, z, half, kind, frame[RANGE_MIN])
 
 

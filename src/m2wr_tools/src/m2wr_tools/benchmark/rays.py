@@ -20,6 +20,7 @@ from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Noise, Plane, RayScan
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.laser import LaserSensor
+from m2wr_sim.sensors.range_kernels import sweep
 from m2wr_sim.sensors.ray_scene import RayScene
 
 if TYPE_CHECKING:
@@ -124,14 +125,8 @@ def cast_all(ranges: FloatArray, beams: FloatArray, frame: FloatArray, spheres: 
         x = (a[0], a[1], 0.0, -(b[0] * cx + b[3] * cy + b[6] * cz))
         y = (a[3], a[4], 0.0, -(b[1] * cx + b[4] * cy + b[7] * cz))
         z = (a[6], a[7], 0.0, -(b[2] * cx + b[5] * cy + b[8] * cz))
-        for i in range(beams.shape[1]):
-            if b[kernels.KIND] == kernels.BOX:
-                t = kernels._box_range(beams[0, i], beams[1, i], x, y, z, half, nearest)
-            elif b[kernels.KIND] == kernels.CYLINDER:
-                t = kernels._cylinder_range(beams[0, i], beams[1, i], x, y, z, half, nearest)
-            else:
-                continue        # the ground, which these beams do not reach
-            ranges[i] = min(ranges[i], t)
+        if b[kernels.KIND] != kernels.PLANE:        # the ground, which these beams do not reach
+            sweep(int(b[kernels.KIND]), False, ranges, beams[0], beams[1], x, y, z, half, nearest)
 
 
 def median_time(function: Callable[[], object], repeats: int) -> float:
