@@ -250,6 +250,22 @@ def test_sensing_now_measures_at_the_end_of_each_step(m2wr_record):
         assert not scans, "the laser measured by itself as well"
 
 
+@pytest.mark.parametrize("world", ["moving_20", "world02"])
+@pytest.mark.parametrize("timeout", [0.0, 0.12])
+def test_code_between_physics_steps_changes_no_number(m2wr_record, world, timeout):
+    """With a callback all plugins are asked before each physics step, without one only when they may act."""
+    seen = []
+    for callbacks in ([], [lambda _: None]):
+        with Sim(world, m2wr_record, seed=3, sensing="now", step=0.02, command_timeout=timeout) as sim:
+            sim.drive().callbacks.extend(callbacks)
+            for turn in range(20):
+                result = sim.step((0.5, 0.1 * (turn % 7 - 3)) if turn % 4 else None, 0.1 + 0.02 * (turn % 3))
+                seen.append((result.time, result.position, result.scan.ranges.tobytes(), result.contacts,
+                             tuple(tuple(sim.simulator.models[name].pose(sim.simulator.engine)[0])
+                                   for name in sorted(sim.simulator.models))))
+    assert seen[:20] == seen[20:] and seen[19][1] != seen[0][1]
+
+
 def test_sensing_off_takes_no_scans(m2wr_record):
     with Sim("empty", m2wr_record, sensing="off") as sim:
         result = sim.step(None, 0.2)

@@ -279,12 +279,20 @@ class Sim:
         if command is not None:
             self._take(command)
         end_ns = simulator.now_ns + int(round(count)) * simulator.step_ns
+        lazily = self.sensing == "now" and not self._has_callbacks()
         with ONE_STEPS:
             while simulator.now_ns < end_ns:
-                simulator.advance(end_ns)
+                simulator.advance(end_ns, lazily)
+            if lazily:
+                simulator.settle()
         if self.sensing == "now":
             self.measure()
         return self.observe()
+
+    def _has_callbacks(self) -> bool:
+        """Return whether code of the user, which may change the world, runs between two physics steps."""
+        return any(drive is not None and drive.callbacks or any(laser.callbacks for laser in lasers)
+                   for drive, lasers in self._robots.values())
 
     def _take(self, command: Union[Mapping[str, Sequence[float]], npt.ArrayLike]) -> None:
         if isinstance(command, Mapping):
