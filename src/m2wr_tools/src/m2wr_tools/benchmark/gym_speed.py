@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Steps per second of the Gymnasium environments, and of other simulators that are installed.
 
-All take random actions.  A step of these environments is 0.1 s of simulated time with one scan of 720 beams.  Steps of
-others differ in length and content: f1tenth_gym's is 0.01 s with 1080 beams, ir-sim's 0.1 s with 720 beams among eight
-boxes, MuJoCo's Ant-v5 0.05 s without a laser.
+All take random actions, which are drawn before.  A step of these environments is 0.1 s of simulated time with one scan
+of 720 beams.  Steps of others differ in length and content: f1tenth_gym's is 0.01 s with 1080 beams, ir-sim's 0.1 s
+with 720 beams among eight boxes, MuJoCo's Ant-v5 0.05 s without a laser.
 """
 from __future__ import annotations
 
+import itertools
 import tempfile
 import time
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
@@ -17,6 +18,7 @@ from m2wr_sim.errors import SimError
 
 _SECONDS = 1.0                  # of processor time, of each measurement
 _REFERENCE = "m2wr/GoToGoalWorld02-v0"
+_ACTIONS = 1000                 # that are drawn before a measurement; sampling one takes as long as a scan
 #: For ir-sim: a room with a differential drive, the beams of m2wr's laser, and eight boxes.
 _IRSIM_WORLD = """
 world: {height: 20, width: 20, step_time: 0.1, sample_time: 0.1, offset: [-10, -10], collision_mode: stop}
@@ -71,14 +73,20 @@ def rate_of(step: Callable[[], int], seconds: float = _SECONDS) -> float:
     return steps / (time.process_time() - begin)
 
 
+def _random_actions(space: Any) -> Iterator[Any]:
+    """Return an iterator that repeats random actions for ever."""
+    space.seed(1)
+    return itertools.cycle([space.sample() for _ in range(_ACTIONS)])
+
+
 def _single(env: Any) -> Callable[[], int]:
     """Return a function that makes 20 steps of an environment."""
     env.reset(seed=1)
-    env.action_space.seed(1)
+    actions = _random_actions(env.action_space)
 
     def step() -> int:
         for _ in range(20):
-            _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+            _, _, terminated, truncated, _ = env.step(next(actions))
             if terminated or truncated:
                 env.reset()
         return 20
@@ -87,10 +95,10 @@ def _single(env: Any) -> Callable[[], int]:
 
 def _batch(envs: Any) -> Callable[[], int]:
     envs.reset(seed=1)
-    envs.action_space.seed(1)
+    actions = _random_actions(envs.action_space)
 
     def step() -> int:
-        envs.step(envs.action_space.sample())
+        envs.step(next(actions))
         return int(envs.num_envs)
     return step
 
