@@ -36,8 +36,19 @@ def warm_up(engine_kind: str = "auto") -> None:
         engine.link_mover([MovedLink(0, moved.links["link"], IDENTITY, IDENTITY[0])], np.zeros((1, 13)),
                           np.zeros(1, np.int64))()
         engine.motion_reader(handle.links["link"], IDENTITY, np.zeros(13))()
+        if engine.compiled:
+            _warm_up_batches()
     finally:
         engine.close()
+
+
+def _warm_up_batches() -> None:
+    """Run the kernels of batched environments, which need a compiled engine."""
+    from m2wr_sim.api import quiet_kernels
+    rows, none, pairs = np.zeros((0, quiet_kernels.QUIET_WORDS), np.uint64), np.zeros(0, np.int64), np.zeros((0, 2))
+    quiet_kernels.drive_all(rows, none, pairs.astype(np.int64), pairs, pairs.astype(np.int64))
+    quiet_kernels.read_all(rows, none)
+    quiet_kernels.scan_all(rows, none)
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence,
 import numpy as np
 
 from m2wr_sim.api.records import Odometry, Picture, Scan
+from m2wr_sim.control.diff_drive import wheel_speeds
 from m2wr_sim.geometry import Quaternion, Vector
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
 from m2wr_sim.plugins.camera import Camera
@@ -18,6 +19,8 @@ from m2wr_sim.runtime.simulator import Simulator
 
 if TYPE_CHECKING:
     import numpy.typing as npt
+
+    from m2wr_sim.sensors.laser import LaserSensor
 
 #: When a robot senses: at the rates of its description, at the end of each step, or (lasers) not at all.
 SENSING = ("due", "now", "off")
@@ -54,6 +57,39 @@ class DirectDrive(DiffDrive):
     def skip_updates(self, end_ns: int) -> None:
         """Leave out all updates up to a time [ns]."""
         self._schedule.skip(end_ns)
+
+    @property
+    def joints(self) -> Tuple[int, int]:
+        """The engine's numbers of the joints that it drives as left and right."""
+        return self._left, self._right
+
+    def wheel_rates(self, now_ns: int) -> Tuple[float, float]:
+        """Return the rates of both wheels by the command in effect, without a limit of acceleration.
+
+        Parameters
+        ----------
+        now_ns : int
+            Simulated time [ns].
+
+        Returns
+        -------
+        (float, float)
+            Left and right [rad/s].
+        """
+        linear, _, angular = self._command.at(now_ns)
+        left, right = wheel_speeds(linear, angular, self._separation, self._swapped)
+        return left / self._radius, right / self._radius
+
+    def turn_wheels(self, left: float, right: float) -> None:
+        """Set the rates that the motors of both wheels try to reach.
+
+        Parameters
+        ----------
+        left, right : float
+            [rad/s]
+        """
+        self._physics.set_joint_motor(self._left, left, self._torque)
+        self._physics.set_joint_motor(self._right, right, self._torque)
 
     def motion_reader(self, motion: npt.NDArray[np.float64]) -> Callable[[], None]:
         """Return a function that writes the true pose and velocity of the robot into a (13,) array.
@@ -117,6 +153,16 @@ class DirectLaser(Laser):
     def name(self) -> str:
         """The sensor's name in the robot description."""
         return self._ctx.sensor.name
+
+    @property
+    def sensor(self) -> LaserSensor:
+        """The laser itself."""
+        return self._laser
+
+    @property
+    def pose_reader(self) -> Callable[[], None]:
+        """The function that writes the pose of the laser, see :meth:`m2wr_sim.physics.engine.Engine.pose_reader`."""
+        return self._update_pose
 
     @property
     def angles(self) -> npt.NDArray[np.float64]:

@@ -14,7 +14,7 @@ import numpy as np
 from m2wr_sim.angles import yaw_of
 from m2wr_sim.api.gym_base import gymnasium
 from m2wr_sim.api.gym_env import CONTACT_REWARD, FARTHEST, GOAL_REWARD, PROGRESS_REWARD, TIME_REWARD, GoToGoalEnv
-from m2wr_sim.api.quiet_run import QuietRun
+from m2wr_sim.api.quiet_batch import QuietBatch
 from m2wr_sim.api.sim import ONE_STEPS
 from m2wr_sim.runtime.once_logger import suppress_warnings
 
@@ -83,11 +83,11 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         self._beams, self._range_max = first._beams, first._range_max
         self._ranges = np.empty((num_envs, first._sim.lasers()[0].count), np.float32)
         self._states = np.empty((num_envs, 6))          # see _World
-        self._motions, self._quiet = np.zeros((num_envs, 13)), np.zeros(num_envs, bool)
         self._goals, self._distances = np.zeros((num_envs, 2)), np.zeros(num_envs)
         self._collided, self._over = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
-        self._worlds = [_World(env, self._ranges[index], self._states[index], self._motions[index])
-                        for index, env in enumerate(self._envs)]
+        self._worlds = [_World(env, self._ranges[index], self._states[index]) for index, env in enumerate(self._envs)]
+        self._batch = QuietBatch([(world.simulator, world.drive, world.laser, world.length_ns)
+                                  for world in self._worlds], self._ranges)
 
     def reset(self, *, seed: Optional[Union[int, Sequence[Optional[int]]]] = None,
               options: Optional[Dict[str, Any]] = None) -> Tuple[Observed, Dict[str, Any]]:
@@ -130,7 +130,8 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         env = self._envs[index]
         env.reset(seed=seed, options=options)
         self._goals[index] = env._goal
-        self._quiet[index] = self._worlds[index].begin()
+        self._worlds[index].begin()
+        self._batch.begin(index)
         self._collided[index] = False
         self._distances[index] = math.dist(self._goals[index], self._states[index, :2])
 
@@ -162,10 +163,12 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         before = self._distances.copy()
         rows = np.clip(commands, -self._limits, self._limits).tolist()
         with ONE_STEPS:
-            for index, (world, (linear, angular)) in enumerate(zip(self._worlds, rows)):
-                if not renewed[index]:
-                    self._collided[index] = world.step(linear, angular)
-        self._take_motions(self._quiet & ~renewed)
+            together = np.flatnonzero(self._batch.quiet & ~renewed)
+            for index in self._batch.step(together, rows) if together.size else ():
+                self._collided[index] = self._worlds[index].collides()
+            for index in np.flatnonzero(~self._batch.quiet & ~renewed).tolist():
+                self._collided[index] = self._worlds[index].step(*rows[index])
+        self._take_motions(together)
         for index in np.flatnonzero(renewed):
             self._begin(int(index))
         difference = self._goals - self._states[:, :2]
@@ -179,11 +182,12 @@ class BatchedGoToGoal(gymnasium.vector.VectorEnv):
         self._over = terminated | truncated
         return self._observe(), rewards, terminated, truncated, self._infos()
 
-    def _take_motions(self, which: NDArray[np.bool_]) -> None:
-        """Write the states of some worlds by their motions."""
-        x, y, _, qx, qy, qz, qw, along, across, _, _, _, rate = self._motions[which].T
+    def _take_motions(self, which: NDArray[np.int64]) -> None:
+        """Write the states of the worlds that were stepped together."""
+        x, y, _, qx, qy, qz, qw, along, across, _, _, _, rate = self._batch.motions[which].T
         yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        self._states[which, :5] = np.stack((x, y, yaw, np.cos(yaw) * along + np.sin(yaw) * across, rate), axis=1)
+        times = [self._worlds[index].simulator.now_ns / 1e9 for index in which.tolist()]
+        self._states[which] = np.stack((x, y, yaw, np.cos(yaw) * along + np.sin(yaw) * across, rate, times), axis=1)
 
     def _observe(self) -> Observed:
         x, y, yaw, linear, angular, _ = self._states.T
@@ -227,52 +231,43 @@ class _World:
         Gets the newest scan [m].
     state : (6,) float64
         Gets x, y [m], yaw [rad], linear x [m/s], angular z [rad/s], time [s].
-    motion : (13,) float64
-        Gets pose and velocity of the robot in steps in which it is quiet, for the first five numbers of the state.
     """
 
-    def __init__(self, env: GoToGoalEnv, ranges: NDArray[np.float32], state: NDArray[np.float64],
-                 motion: NDArray[np.float64]) -> None:
+    def __init__(self, env: GoToGoalEnv, ranges: NDArray[np.float32], state: NDArray[np.float64]) -> None:
         sim = env._sim
-        self._simulator, self._drive, self._laser = sim.simulator, sim.drive(), sim.lasers()[0]
+        self.simulator, self.drive, self.laser = sim.simulator, sim.drive(), sim.lasers()[0]
         self._name, self._ranges, self._state = env._name, ranges, state
-        self._length_ns = int(round(env._duration * 1e9 / self._simulator.step_ns)) * self._simulator.step_ns
-        self._run, self._quiet = QuietRun(self._simulator, self._drive), False
-        self._read_motion = self._drive.motion_reader(motion)
+        self.length_ns = int(round(env._duration * 1e9 / self.simulator.step_ns)) * self.simulator.step_ns
 
-    def begin(self) -> bool:
-        """Take over scan and state after a reset, without another measurement; return whether the robot is quiet."""
-        scan = self._laser.scan
+    def begin(self) -> None:
+        """Take over scan and state after a reset, without another measurement."""
+        scan = self.laser.scan
         assert scan is not None         # a reset measures
         self._ranges[:] = scan.ranges
         self._read_state()
-        self._quiet = self._run.possible()
-        return self._quiet
 
     def step(self, linear: float, angular: float) -> bool:
         """Drive, measure, and return whether the robot has collided."""
-        simulator = self._simulator
-        end_ns = simulator.now_ns + self._length_ns
-        if self._quiet:
-            self._run.run(linear, angular, end_ns)
-            self._read_motion()
-            self._state[5] = end_ns / 1e9
-        else:
-            self._drive.command(linear, angular)
-            while simulator.now_ns < end_ns:
-                simulator.advance(end_ns)
-            self._read_state()
-        self._ranges[:] = self._laser.measure()[0]
-        if not simulator.contacts:
-            return False
-        contacts, simulator.contacts = simulator.contacts, []
+        simulator = self.simulator
+        end_ns = simulator.now_ns + self.length_ns
+        self.drive.command(linear, angular)
+        while simulator.now_ns < end_ns:
+            simulator.advance(end_ns, lazily=True)
+        simulator.settle()
+        self._read_state()
+        self._ranges[:] = self.laser.measure()[0]
+        return self.collides()
+
+    def collides(self) -> bool:
+        """Return whether the robot has new contacts; each is reported once."""
+        contacts, self.simulator.contacts = self.simulator.contacts, []
         begin = self._name + "::"
         return any(contact.first.startswith(begin) or contact.second.startswith(begin) for contact in contacts)
 
     def _read_state(self) -> None:
         """Measure pose, velocity and time."""
-        position, orientation, twist = self._drive.measure()
-        if not self._drive.measures_truth:
-            position, orientation = self._simulator.models[self._name].pose(self._simulator.engine)
+        position, orientation, twist = self.drive.measure()
+        if not self.drive.measures_truth:
+            position, orientation = self.simulator.models[self._name].pose(self.simulator.engine)
         self._state[:] = (position[0], position[1], yaw_of(orientation), twist[0], twist[2],
-                          self._simulator.now_ns / 1e9)
+                          self.simulator.now_ns / 1e9)

@@ -92,11 +92,14 @@ class Engine(abc.ABC):
 
     Only the engine stores the poses of links.  ``placements`` counts the calls of :meth:`set_link_pose`.  ``version``
     increases with each of these calls and with each call of :meth:`step`; poses are valid while it stays the same.
+    ``compiled`` says whether it is a :class:`~m2wr_sim.physics.native_engine.NativeEngine`, whose loop other compiled
+    code can call.
     """
 
     settings: EngineSettings
     placements = 0
     version = 0
+    compiled = False
     iterative_above = ITERATIVE_ABOVE
     between: Optional[Callable[[], None]] = None
 

@@ -46,6 +46,7 @@ class NativeEngine(OdeWorld):
     """
 
     broad_phase_bounds = True
+    compiled = True
 
     def __init__(self, settings: EngineSettings) -> None:
         self._block: Optional[Block] = None
@@ -102,19 +103,51 @@ class NativeEngine(OdeWorld):
             self._steps += count
             return
         block = self._block or self._fill_block()
+        self._finish(block, kernels.run(block.words, count), count)
+
+    def _finish(self, block: Block, taken: int, count: int) -> None:
+        """Make the rest of ``count`` steps, after ``kernels.run`` has returned ``taken``."""
         run, words = kernels.run, block.words
         while True:
-            taken = run(words, count)               # fewer if a list is full; negative if there are events to read
             self._steps += abs(taken)
-            if taken == count:
+            if taken == count:                      # it is less if a list is full, negative if there are events to read
                 return
             count -= abs(taken)
             if taken < 0:
                 self._read_events(block, count)
             if not count:
                 break
+            taken = run(words, count)
         if 2 * words[layout.H_BEFORE_COUNT] > self._contact_pair_room:
             self._make_room(block)
+
+    @property
+    def words(self) -> NDArray[np.uint64]:
+        """The block for ``kernels.run``, filled for the present world; another array after a change of the world."""
+        return (self._block or self._fill_block()).words
+
+    def count_run(self, taken: int, count: int) -> None:
+        """Take over steps that other compiled code has made by ``kernels.run``, and make what is left of them.
+
+        Parameters
+        ----------
+        taken : int
+            What ``kernels.run`` has returned.
+        count : int
+            What it was asked for.
+        """
+        self.version += 1
+        if taken == count:
+            self._steps += count
+        else:
+            self._finish(self._block or self._fill_block(), taken, count)
+
+    def hinge_handle(self, joint: int) -> int:
+        """Return the native handle of a hinge, for ``kernels.set_hinge_rate``; 0 if the joint is of another type."""
+        block, drive = self._block or self._fill_block(), self._joints[joint]
+        word = block.angle_word(drive)
+        plain = word and block.words[word + 2] == kernels.HINGE and drive.access.group == 0
+        return int(block.words[word - 1]) if plain else 0
 
     def _read_events(self, block: Block, left: int) -> None:
         words = block.words
@@ -288,35 +321,14 @@ class NativeEngine(OdeWorld):
         if poses.shape != (len(parts), 7):              # compiled code would write outside of it
             raise ValueError("poses of %d shapes: an array of %s, expected (%d, 7)"
                              % (len(parts), poses.shape, len(parts)))
-        return self._reader(parts, kernels.read_poses, poses)
+        return BodyReader(self, parts, kernels.read_poses, poses)
 
     def motion_reader(self, link: int, offset: Pose, motion: NDArray[np.float64]) -> Callable[[], None]:
         if self._links[link].body is None:
             return super().motion_reader(link, offset, motion)
         if motion.shape != (13,):                       # compiled code would write outside of it
             raise ValueError("motion of a link: an array of %s, expected (13,)" % (motion.shape,))
-        return self._reader([(link, offset)], kernels.read_motion, motion[None, :])
-
-    def _reader(self, parts: Sequence[Tuple[int, Pose]], kernel: Callable[..., None],
-                out: NDArray[np.float64]) -> Callable[[], None]:
-        """Return a function that calls a kernel with the table of some shapes, which it keeps up to date."""
-        table, makeup = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64), -1
-        shifts, offsets = np.split(table.view(np.float64)[:, layout.SHAPE_SHIFT:],
-                                   [layout.SHAPE_OFFSET - layout.SHAPE_SHIFT], axis=1)      # views
-        offsets[:] = [tuple(position) + tuple(orientation) for _, (position, orientation) in parts]
-
-        def read() -> None:
-            nonlocal makeup
-            if makeup != self._makeup:          # a handle must not be used once its body may be gone
-                handles = [self._handles.get(self._links[link]) for link, _ in parts]
-                if None in handles:             # its model has left the world and will be deleted
-                    return
-                table[:, 0] = handles
-                shifts[:] = [self._links[link].com for link, _ in parts]
-                makeup = self._makeup
-            kernel(table, out)
-
-        return read
+        return BodyReader(self, [(link, offset)], kernels.read_motion, motion[None, :])
 
     def link_mover(self, parts: Sequence[MovedLink], motions: NDArray[np.float64],
                    chosen: NDArray[np.int64]) -> Callable[[], None]:
@@ -363,3 +375,48 @@ class NativeEngine(OdeWorld):
             self._group = self._probe = None
         self._forget_block()
         super().close()
+
+
+class BodyReader:
+    """Calls a kernel with a table of shapes that are fixed to bodies, which it keeps up to date.
+
+    Parameters
+    ----------
+    engine : NativeEngine
+    parts : sequence of (int, pose)
+        Number of the link, and pose of the shape in the link frame.
+    kernel : callable
+        ``kernel(table, out)``, see :func:`m2wr_sim.physics.step_kernels.read_poses`.
+    out : (n, k) float64
+        C-contiguous.
+
+    Attributes
+    ----------
+    table : (n, SHAPE_WORDS) uint64
+    out : (n, k) float64
+    """
+
+    def __init__(self, engine: NativeEngine, parts: Sequence[Tuple[int, Pose]], kernel: Callable[..., None],
+                 out: NDArray[np.float64]) -> None:
+        self._engine, self._kernel, self.out, self._makeup = engine, kernel, out, -1
+        self._links = [link for link, _ in parts]
+        self.table = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64)
+        values = self.table.view(np.float64)
+        values[:, layout.SHAPE_OFFSET:] = [tuple(position) + tuple(turn) for _, (position, turn) in parts]
+
+    def update(self) -> bool:
+        """Update the table; return False if a model has left the world and will be deleted."""
+        engine = self._engine
+        if self._makeup != engine._makeup:      # a handle must not be used once its body may be gone
+            links = [engine._links[link] for link in self._links]
+            handles = [engine._handles.get(link) for link in links]
+            if None in handles:
+                return False
+            self.table[:, 0] = handles
+            self.table.view(np.float64)[:, layout.SHAPE_SHIFT:layout.SHAPE_OFFSET] = [link.com for link in links]
+            self._makeup = engine._makeup
+        return True
+
+    def __call__(self) -> None:
+        if self.update():
+            self._kernel(self.table, self.out)

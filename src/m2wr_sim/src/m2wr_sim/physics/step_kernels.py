@@ -96,6 +96,7 @@ _universal_rate_2 = types.ExternalFunction("dJointGetUniversalAngle2Rate", types
 _piston_angle = types.ExternalFunction("dJointGetPistonAngle", types.float64(_handle))
 _piston_rate = types.ExternalFunction("dJointGetPistonAngleRate", types.float64(_handle))
 _slider_at = types.ExternalFunction("dJointGetSliderPosition", types.float64(_handle))
+_set_hinge = types.ExternalFunction("dJointSetHingeParam", types.void(_handle, types.int32, types.float64))
 _slider_rate = types.ExternalFunction("dJointGetSliderPositionRate", types.float64(_handle))
 _add_hinge_torque = types.ExternalFunction("dJointAddHingeTorque", types.void(_handle, types.float64))
 _add_slider_force = types.ExternalFunction("dJointAddSliderForce", types.void(_handle, types.float64))
@@ -324,6 +325,20 @@ def run(words: Words, steps: int) -> int:
         _unwrap(words, values)
     nearly_full = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_CONTACT_PAIR_ROOM]
     return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or words[H_ITERATIVE] or nearly_full else taken
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def set_hinge_rate(hinge: int, rate: float) -> None:
+    """Set the rate that the motor of a hinge tries to reach.
+
+    Parameters
+    ----------
+    hinge : int
+        Native handle.
+    rate : float
+        [rad/s]
+    """
+    _set_hinge(hinge, _PARAM_VEL, rate)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

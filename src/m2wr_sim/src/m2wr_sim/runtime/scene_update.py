@@ -33,8 +33,8 @@ class SceneRows:
         self._read: Optional[Callable[[], None]] = None
         self._move: Optional[Callable[[], None]] = None
 
-    def refresh(self, engine: Engine, scene: RayScene) -> None:
-        """Write the present poses into the scene.
+    def functions(self, engine: Engine, scene: RayScene) -> Tuple[Callable[[], None], Callable[[], None]]:
+        """Return the functions that read the present poses, and that write them into the scene.
 
         Parameters
         ----------
@@ -45,8 +45,19 @@ class SceneRows:
             poses = np.zeros((len(self.parts), 7))
             self._read = engine.pose_reader([part[1:] for part in self.parts], poses)
             self._move = scene.mover(np.array([part[0] for part in self.parts], dtype=np.int64), poses)
-        self._read()
-        self._move()
+        return self._read, self._move
+
+    def refresh(self, engine: Engine, scene: RayScene) -> None:
+        """Write the present poses into the scene.
+
+        Parameters
+        ----------
+        engine : Engine
+        scene : RayScene
+        """
+        read, move = self.functions(engine, scene)
+        read()
+        move()
 
 
 class SceneUpdate:
@@ -100,6 +111,15 @@ class SceneUpdate:
         for link in model.handle.links.values():
             self._resting.pop(link, None)
         self._moving_rows = None
+
+    def moving_shapes(self) -> Optional[Tuple[Callable[[], None], Callable[[], None]]]:
+        """Return the functions for all shapes of moving links, see :meth:`SceneRows.functions`; None if there are none.
+
+        The scene is up to date afterwards.
+        """
+        self.refresh()
+        rows = self._moving_rows
+        return rows.functions(self._engine, self._scene) if rows is not None and rows.parts else None
 
     def refresh(self) -> None:
         """Update the poses in the scene if a link may have moved."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections import OrderedDict
 from dataclasses import replace
-from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Type
+from typing import TYPE_CHECKING, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type
 
 from m2wr_sim.collector import paused_collector
 from m2wr_sim.errors import LostError, ModelError, NotFoundError
@@ -304,18 +304,21 @@ class Simulator:
                 events.valid_ns = 0         # query all plugins next, which is cheap now that the engine is up to date
         return now_ns
 
-    def run_quietly(self, count: int) -> None:
-        """Make steps before which no plugin acts and after which none measures; none is asked.
+    def moving_shapes(self) -> Optional[Tuple[Callable[[], None], Callable[[], None]]]:
+        """Return the functions that read the poses of all moving shapes, and that move them in the ray scene.
 
-        Parameters
-        ----------
-        count : int
-            Number of steps.
+        Returns
+        -------
+        (callable, callable) or None
+            None if there is no such shape.
         """
-        self._pending += count
-        self.steps += count
-        self.now_ns += count * self.step_ns
-        self._catch_up()
+        return self._scene_update.moving_shapes()
+
+    def collect_contacts(self) -> None:
+        """Take over the contacts that the engine has found."""
+        contacts = self.engine.drain_contact_events()
+        if contacts:
+            self._collect(contacts)
 
     def settle(self) -> None:
         """Let the engine catch up with the simulated time; all plugins are queried before the next step."""
@@ -335,9 +338,7 @@ class Simulator:
                         raise
                     pending = error.left
                     self._abandon(error)
-            contacts = self.engine.drain_contact_events()
-            if contacts:
-                self._collect(contacts)
+            self.collect_contacts()
 
     def _abandon(self, error: LostError) -> None:
         """Remove models that left the world from physics and scene; their plugins end later.

@@ -32,6 +32,10 @@ def kernel(function: _Function, inline: str = "never") -> _Function:
     function : callable
     inline : str
         See :func:`inlined`.
+
+    Returns
+    -------
+    callable
     """
     if njit is None:
         return function

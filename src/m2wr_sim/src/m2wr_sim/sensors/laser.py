@@ -157,6 +157,32 @@ class LaserSensor:
             self._intensities[:], self._lit = 0.0, False
         return self._ranges, self._intensities
 
+    def packed_scan(self, scene: RayScene) -> Optional[NDArray[np.uint64]]:
+        """Return the arguments of :func:`m2wr_sim.sensors.packed_kernels.scan`, for scans by other compiled code.
+
+        Before each of them :meth:`begin_scan` must be called.  They serve as long as no shape is added or removed.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Shapes that can be hit.
+
+        Returns
+        -------
+        (SCAN_WORDS,) uint64 or None
+            None if a scan takes more than this kernel.
+        """
+        if self._block is None or scene.has_retro or scene.forest or scene.grounds or scene.count > _FEW_SHAPES:
+            return None
+        self._frame[kernels.COUNT], self._frame[kernels.IGNORED] = scene.count, -1
+        if self._shapes is not scene.shapes:
+            self._prepare(scene)
+        return self._block
+
+    def begin_scan(self) -> None:
+        """Choose the noise of the next scan that other compiled code takes."""
+        self._settings[5] = self._noise.advance(self._ranges.size)
+
     def _prepare(self, scene: RayScene) -> None:
         """Prepare for the tables of a scene, which are replaced when they grow."""
         spheres, shapes = self._spheres, self._shapes = scene.spheres, scene.shapes

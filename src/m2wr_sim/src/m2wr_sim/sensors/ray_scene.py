@@ -274,24 +274,7 @@ class RayScene:
                 rows.flags.c_contiguous and poses.flags.c_contiguous):
             raise ValueError("scene poses for %d rows: %s of %s, expected (%d, 7) of float64"
                              % (rows.size, poses.shape, poses.dtype, rows.size))
-        if not packed.COMPILED:
-            return lambda: self.set_poses(rows, poses)
-        rests = not self.moves[rows[(rows >= 0) & (rows < len(self.moves))]].all()
-        block = np.zeros(packed.MOVE_WORDS, np.uint64)
-        table: Optional[Floats] = None
-
-        def move() -> None:
-            nonlocal table
-            if table is not self.shapes:        # the table has grown
-                table = self.shapes
-                block[:] = (self.spheres.ctypes.data, table.ctypes.data, table.shape[0], rows.ctypes.data,
-                            poses.ctypes.data, rows.size)
-            packed.move(block)
-            self.version += 1
-            if rests:
-                self.resting_version += 1
-
-        return move
+        return ShapeMover(self, rows, poses) if packed.COMPILED else lambda: self.set_poses(rows, poses)
 
     def _take_row(self) -> int:
         if self._free:
@@ -303,6 +286,46 @@ class RayScene:
             self.order = np.empty((2, len(self.moves)), np.int32)
         self.count += 1
         return self.count - 1
+
+
+class ShapeMover:
+    """Moves shapes of a scene to the poses in an array, by compiled code.
+
+    Parameters
+    ----------
+    scene : RayScene
+    rows : (n,) int64
+    poses : (n, 7) float64
+        See :meth:`RayScene.mover`.
+
+    Attributes
+    ----------
+    block : (MOVE_WORDS,) uint64
+        Arguments of :func:`m2wr_sim.sensors.packed_kernels.move`, after :meth:`update`.
+    rests : bool
+        Whether one of the shapes is not marked as moving.
+    """
+
+    def __init__(self, scene: RayScene, rows: Rows, poses: Floats) -> None:
+        self._scene, self._rows, self._poses = scene, rows, poses
+        self._table: Optional[Floats] = None
+        self.rests = not scene.moves[rows[(rows >= 0) & (rows < len(scene.moves))]].all()
+        self.block = np.zeros(packed.MOVE_WORDS, np.uint64)
+
+    def update(self) -> None:
+        """Write the addresses of the scene's table, which is replaced when it grows."""
+        scene = self._scene
+        if self._table is not scene.shapes:
+            self._table = scene.shapes
+            self.block[:] = (scene.spheres.ctypes.data, scene.shapes.ctypes.data, scene.shapes.shape[0],
+                             self._rows.ctypes.data, self._poses.ctypes.data, self._rows.size)
+
+    def __call__(self) -> None:
+        self.update()
+        packed.move(self.block)
+        self._scene.version += 1
+        if self.rests:
+            self._scene.resting_version += 1
 
 
 def _pack(geometry: Primitive) -> Tuple[int, float, Tuple[float, ...]]:
