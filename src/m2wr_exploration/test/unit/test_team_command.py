@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The table and the figure of teams."""
+import json
 import math
 
 import pytest
 
 from m2wr_exploration.study.figure import draw_teams
-from m2wr_exploration.study.team_command import Task, line, lost
+from m2wr_exploration.study.team_command import Task, line, lost, without_infinity
 from m2wr_exploration.study.team_statistics import against, mean_time, times
+from m2wr_navigation.compare.outputs import write_json
 
 
 def row(place, robots, enough, contacts=0):
@@ -42,6 +44,13 @@ def test_half_and_twice_the_time_average_to_one():
     rows = [row(0, 1, 100.0), row(0, 2, 50.0), row(1, 1, 100.0), row(1, 2, 200.0)]
     mean, low, high = against(rows, 2, 1)
     assert mean == pytest.approx(1.0) and low == pytest.approx(0.5) and high == pytest.approx(2.0)
+
+
+def test_a_team_that_never_saw_all_can_be_written(tmp_path):
+    target = str(tmp_path / "teams.json")
+    write_json(target, without_infinity(ROWS + [lost(Task(0, 2), "killed", "", 5.0)]))
+    with open(target, encoding="utf-8") as stream:
+        assert json.load(stream)[-1]["enough"] is None
 
 
 @pytest.mark.parametrize("rows", [ROWS, [lost(Task(0, 1), "timeout", "", 1.0)]])

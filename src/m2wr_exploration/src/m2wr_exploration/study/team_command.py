@@ -105,6 +105,21 @@ def line(robots: int, rows: Sequence[Mapping[str, Any]], fewest: int) -> str:
         "%.1f" % np.median(lengths) if lengths else "")
 
 
+def without_infinity(rows: Sequence[Mapping[str, Any]]) -> List[Dict[str, Any]]:
+    """Return rows for JSON, which has no infinity: the time of a team that never saw 99 % is None.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of :func:`perform` or :func:`lost`.
+
+    Returns
+    -------
+    list of dict
+    """
+    return [dict(row, enough=row["enough"] if math.isfinite(row["enough"]) else None) for row in rows]
+
+
 def _tell(rows: List[Dict[str, Any]], numbers: List[int]) -> None:
     """Print the table of all runs that have ended."""
     if not rows:
@@ -161,11 +176,12 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
         with told_rows(pool, tasks, TIME_LIMIT) as results:
             for row in results:
                 rows.append(row)
-                print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% after %.0f s, %d contacts" % (
-                    row["world"], row["robots"], 100.0 * row["share"], row["area"], row["enough"], row["contacts"]),
+                enough = "after %.0f s" % row["enough"] if math.isfinite(row["enough"]) else "never"
+                print("%s, %d robots: %.1f %% of %.0f m^2 seen, 99 %% %s, %d contacts" % (
+                    row["world"], row["robots"], 100.0 * row["share"], row["area"], enough, row["contacts"]),
                     flush=True)         # each takes a minute
                 if options.json:
-                    write_json(options.json, rows)      # what there is, should the study be killed
+                    write_json(options.json, without_infinity(rows))    # what there is, should the study be killed
     finally:
         _tell(rows, numbers)
     if options.figure:
