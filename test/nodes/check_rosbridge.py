@@ -275,6 +275,7 @@ class Rosbridge(unittest.TestCase):
     def test_port_0_is_a_free_one_that_is_said(self):
         with Running([program("rosbridge_server", "rosbridge_websocket"), "__name:=any_port", "_port:=0"]) as node:
             node.wait_for_text(STARTED)
+            wait_until(lambda: rospy.has_param("/any_port/actual_port"), "the parameter, which is set after the text")
             port = rospy.get_param("/any_port/actual_port")
             node.wait_for_text("ws://localhost:%d" % port)
             with WebClient("ws://localhost:%d" % port) as page:
