@@ -80,17 +80,6 @@ class DirectDrive(DiffDrive):
         left, right = wheel_speeds(linear, angular, self._separation, self._swapped)
         return left / self._radius, right / self._radius
 
-    def turn_wheels(self, left: float, right: float) -> None:
-        """Set the rates that the motors of both wheels try to reach.
-
-        Parameters
-        ----------
-        left, right : float
-            [rad/s]
-        """
-        self._physics.set_joint_motor(self._left, left, self._torque)
-        self._physics.set_joint_motor(self._right, right, self._torque)
-
     def motion_reader(self, motion: npt.NDArray[np.float64]) -> Callable[[], None]:
         """Return a function that writes the true pose and velocity of the robot into a (13,) array.
 
@@ -128,8 +117,7 @@ class DirectDrive(DiffDrive):
         self.odometry = None
         if rewound:
             self._instructed = (0.0, 0.0)
-            for joint in (self._left, self._right):
-                self._physics.set_joint_motor(joint, 0.0, self._torque)
+            self.turn_wheels(0.0, 0.0)
 
 
 class DirectLaser(Laser):

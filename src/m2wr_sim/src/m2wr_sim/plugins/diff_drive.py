@@ -52,8 +52,7 @@ class DiffDrive(Plugin):
             self._message.header.frame_id, self._message.pose.covariance = self._frame, _POSE_COVARIANCE
         if publish_wheel_states:
             self._states = ctx.advertise("joint_states", JointState, namespace=namespace)
-        for joint in (self._left, self._right):
-            self._physics.set_joint_motor(joint, 0.0, self._torque)
+        self.turn_wheels(0.0, 0.0)
 
     def _choose_sides(self, spec: PluginReader, left_name: str, right_name: str) -> None:
         """Choose the joint that is driven as the left wheel; log it if it is not the one on the left."""
@@ -129,8 +128,18 @@ class DiffDrive(Plugin):
                        self._physics.joint_rate(self._right) * self._radius)
             limit = self._acceleration * elapsed_ns * 1e-9
             target, self._instructed = ramp(target, current, self._instructed, limit)
-        self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
-        self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
+        self.turn_wheels(target[0] / self._radius, target[1] / self._radius)
+
+    def turn_wheels(self, left: float, right: float) -> None:
+        """Set the rates that the motors of both wheels try to reach.
+
+        Parameters
+        ----------
+        left, right : float
+            [rad/s]
+        """
+        self._physics.set_joint_motor(self._left, left, self._torque)
+        self._physics.set_joint_motor(self._right, right, self._torque)
 
     @property
     def measures_truth(self) -> bool:

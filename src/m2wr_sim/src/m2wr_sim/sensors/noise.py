@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 TABLE_SIZE = 131072     # draws, 1 MB: at 20 Hz and 720 beams it repeats after 9 s
-_DRAWS_AT_ONCE = 4096   # of a table that is drawn as it is used
+_DRAWS_AT_ONCE = 4096   # of a table that is drawn as it is used: some scans of 720 beams, so that calls cost little
 _WITHOUT_NOISE = ('none', 'custom')
 _GAUSSIAN = ('gaussian', 'gaussian_quantized')
 
