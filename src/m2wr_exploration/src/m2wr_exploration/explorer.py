@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from m2wr_navigation.costmap.costmap import Costmap
 
 PARAMETERS: Dict[str, Parameter] = {
-    "robot_radius": Parameter(0.0, "m", 0.0, 10.0, "radius of the disc in which the robot can turn; frontiers are "
-                              "looked at from where it has room. 0: any place that the costmap allows"),
+    "robot_radius": Parameter(0.0, "m", 0.0, 10.0, "radius of the disc in which the robot can turn, not less than "
+                              "the planner of its goals keeps free; frontiers are looked at from where it has room. 0: "
+                              "any place that the costmap allows"),
     "min_frontier_size": Parameter(0.5, "m", 0.0, 100.0, "size of the smallest frontier"),
     "min_corner_size": Parameter(0.0, "m", 0.0, 100.0, "size of the smallest frontier in a place too narrow for the "
                                  "robot, into which it looks; 0: none"),
@@ -38,9 +39,9 @@ PARAMETERS: Dict[str, Parameter] = {
 }
 AUCTION_REACH = 10.0        # m: range of the laser, within which frontiers near to that of another robot are worth less
 EXPLORING, RETURNING, DONE = "exploring", "returning", "done"
-NEARER = 0.05               # m: by which the distance to the goal has to shrink to count as progress
+NEARER = 0.05               # m: by which the path to the goal has to become shorter to count as progress
 SAME_GOAL = 0.1             # m: a goal that has moved less is not sent again
-CLOSER = 0.5                # m: by which the way to another place to look from has to be shorter
+CLOSER = 0.5                # m: by which a path has to be shorter or longer to count as another one
 SAME_FRONTIER = 0.5         # m: frontiers whose centres are nearer are one
 GROWTH = 0.5                # m^2: by which the known area has to grow to count as progress
 CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
@@ -129,7 +130,8 @@ class Explorer:
         self._points: FloatArray = np.empty((0, 2))     # of the target, unknown when its goal was sent [m]
         self._looks_from = False            # whether the goal is a place from which the target is in sight
         self._arrived: Optional[float] = None           # s: when the robot came to its goal, and looks since then
-        self._best, self._progress = math.inf, 0.0
+        self._best = self._path = math.inf  # m: the shortest path to the goal since the last detour, and that of now
+        self._progress, self._detours = 0.0, 0
         self._empty_since: Optional[float] = None
         self._known, self._grew = -math.inf, 0.0
         self._reachable = 0.0               # m^2: the greatest area that could be reached at a time
@@ -243,9 +245,7 @@ class Explorer:
             self._goal = None
         if target is None or self._goal is None:
             return []
-        away = float(np.hypot(*(self._goal[:2] - pose[:2])))
-        if away < self._best - NEARER:
-            self._best, self._progress = away, now
+        self._note_progress(now)
         if result == "succeeded":
             self._arrived = now
         there, reason = self._still_there(target), ""
@@ -265,6 +265,19 @@ class Explorer:
             return []
         entry = self.aside.add(now, costmap, there or target, reason)
         return ["the frontier at {} is set aside: {}".format(entry.place, reason)]
+
+    def _note_progress(self, now: float) -> None:
+        """Note whether the path to the goal has become shorter, or is another one because a way has closed.
+
+        A path around an obstacle may lead away from the goal at first, so the straight distance tells nothing.
+        """
+        assert self.view is not None and self._goal is not None
+        cell = self.view.costmap.cell(self._goal[0], self._goal[1])
+        path = math.inf if cell is None else float(self.view.distance[cell])
+        detour = self._path + CLOSER < path < math.inf and self._detours < self.values["tries"]
+        if detour or path < self._best - NEARER:
+            self._best, self._progress = path, now
+        self._path, self._detours = path, self._detours + detour
 
     def _shows_new(self, known: Costmap) -> bool:
         """Return whether a good part of the target has become known since its goal was sent.
@@ -325,7 +338,8 @@ class Explorer:
             return Decision(messages=tuple(messages))
         heading = math.atan2(*(chosen.centre - chosen.goal)[::-1]) if np.any(chosen.centre != chosen.goal) else pose[2]
         if chosen is not kept:
-            self._best, self._progress = float(np.hypot(*(chosen.goal - pose[:2]))), now
+            self._best = self._path = chosen.path
+            self._progress, self._detours = now, 0
         self.target, self._goal = chosen, np.array([chosen.goal[0], chosen.goal[1], heading])
         self._looks_from, self._arrived = not chosen.beside, None
         return Decision(self._goal.copy(), messages=tuple(messages))

@@ -110,6 +110,30 @@ def test_a_robot_that_does_not_move_is_noticed():
     assert any("came no nearer within 5 s" in text for text in texts(decisions))
 
 
+def test_a_way_around_a_wall_is_progress():
+    """The frontier is just behind a wall; the only way to it leads 9 m away at first."""
+    world = grid("\n".join(["#" * 22, "#?" + "." * 19 + "#", "#" * 20 + ".#", "#" + "." * 20 + "#", "#" * 22]))
+    made = explorer(progress_timeout=3.0, min_frontier_size=0.0)
+    told, columns = [], list(range(3, 20)) + [20, 20] + list(range(20, 3, -1))
+    rows = [1] * 17 + [2] + [3] * 18
+    for now, (row, column) in enumerate(zip(rows, columns)):
+        decision = made.step(float(now), world, np.array((*world.centre(row, column), 0.0)))
+        told.extend(decision.messages)
+    assert made.target is not None and told == []
+
+
+def test_ways_that_close_again_and_again_are_no_progress(monkeypatch):
+    view = end_of_a_wall(LEFT, True)
+    made, told = explorer(progress_timeout=5.0), []
+    monkeypatch.setattr("m2wr_exploration.explorer.look", lambda *_: view)
+    for now in range(60):
+        view.distance[:] = 3.0 + 4.0 * (now // 4 % 2)           # a way of 3 m, one of 7 m, and so on
+        told += made.step(float(now), view.costmap, np.array((2.75, 1.25, 1.5))).messages
+        if told:
+            break
+    assert "came no nearer within 5 s" in told[0] and 20 < now < 40
+
+
 def test_frontiers_that_show_nothing_new_are_set_aside():
     world, made = World(HOUSE), explorer(retry_after=1.0)
     decisions, _ = run(made, world, moves=False)
