@@ -217,3 +217,9 @@ def test_plans_need_half_the_width_of_a_footprint_off_centre(corners, half):
     assert whole.snapshot().beside == 0.0       # of a robot that drives sideways
     whole.drives_sideways = False
     assert whole.snapshot().beside == whole.snapshot().copy().beside == half
+
+
+def test_the_least_clearance_is_in_snapshots():
+    whole = costmap(layer("InflationLayer"))
+    whole.least_clearance = 0.25
+    assert whole.snapshot().least_clearance == whole.snapshot().copy().least_clearance == 0.25

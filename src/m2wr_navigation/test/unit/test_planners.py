@@ -267,3 +267,32 @@ def test_a_plan_through_the_only_gap_tells_that_it_is_narrow():
     costmap.costs[29:31, :12] = 254
     plan = planner("NavfnROS").plan(costmap, pose(10, 42), pose(50, 42))
     assert len(plan.poses) and plan.remark == "the plan leads through a place that is narrower than the robot, 0.24 m"
+
+
+def doorway(wide_too):
+    """A wall with a gap of 6 cells in the middle and, if wanted, one of 16 cells at its far end."""
+    costs = np.zeros((60, 60), np.uint8)
+    costs[29:31] = 254
+    costs[29:31, 39:45] = 0
+    if wide_too:
+        costs[29:31, :16] = 0
+    costmap = grid(inflated(costs, inscribed=0.2, scaling=30.0))
+    costmap.least_clearance = 0.1
+    return costmap
+
+
+@pytest.mark.parametrize("name", sorted(set(RATIOS) - set(SAMPLING)))
+def test_a_narrow_way_is_taken_if_there_is_no_other(name):
+    for wide_too, crossed in ((True, (3, 13)), (False, (40, 44))):
+        costmap = doorway(wide_too)
+        before = costmap.costs.copy()
+        plan = planner(name).plan(costmap, pose(10, 42), pose(50, 42))
+        across = plan.poses[np.argmin(np.abs(plan.poses[:, 1] - 1.5)), 0] / RESOLUTION
+        assert plan.reason == "" and crossed[0] <= across <= crossed[1], across
+        assert (costmap.costs == before).all()
+
+
+def test_a_gap_below_the_least_clearance_is_no_way():
+    costmap = doorway(False)
+    costmap.least_clearance = 0.16
+    assert "no way" in planner("NavfnROS").plan(costmap, pose(10, 42), pose(50, 42)).reason

@@ -53,6 +53,7 @@ def costmap_by(given: Mapping[str, Any], outline: Sequence[Sequence[float]], pla
     made = LayeredCostmap(values["global_frame"], (values["width"], values["height"]), values["resolution"],
                           (values["origin_x"], values["origin_y"]), values["rolling_window"],
                           values["track_unknown_space"])
+    made.least_clearance = values["least_clearance"]
     made.set_footprint(footprint_of({"footprint": outline}, values)[0])
     for setting in layer_settings(given, place)[0]:
         kind = registry.find(registry.LAYERS, setting.kind)

@@ -30,6 +30,9 @@ class Costmap:
     beside : float
         Distance from lethal cells that plans keep on each side, where the inscribed radius in the costs is less than
         the robot needs [m]; 0: the costs are all.
+    least_clearance : float
+        Distance from lethal cells that plans keep where there is no other way, if it is less than the inscribed radius
+        in the costs [m]; 0: the costs are all.
     """
 
     costs: Uint8Array
@@ -37,6 +40,7 @@ class Costmap:
     origin: FloatArray
     frame: str = "map"
     beside: float = 0.0
+    least_clearance: float = 0.0
 
     @classmethod
     def filled(cls, size: Tuple[int, int], resolution: float, origin: Vector, cost: int, frame: str = "map") -> Costmap:
@@ -77,7 +81,8 @@ class Costmap:
 
     def copy(self) -> Costmap:
         """Return a costmap that shares no memory with this one."""
-        return Costmap(self.costs.copy(), self.resolution, self.origin.copy(), self.frame, self.beside)
+        return Costmap(self.costs.copy(), self.resolution, self.origin.copy(), self.frame, self.beside,
+                       self.least_clearance)
 
     def cell(self, x: float, y: float) -> Optional[Tuple[int, int]]:
         """Return (row, column) of the cell that holds a point, or None outside.

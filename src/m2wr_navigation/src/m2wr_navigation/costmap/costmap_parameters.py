@@ -29,6 +29,9 @@ COSTMAP_PARAMETERS: Dict[str, Parameter] = {
     "footprint": text("[]", "corners of the robot, [[x, y], ...]; empty: a circle", True),
     "robot_radius": Parameter(0.46, "m", 0.0, 10.0, "radius of a round robot"),
     "footprint_padding": Parameter(0.01, "m", 0.0, 10.0, "added to the footprint"),
+    "least_clearance": Parameter(0.0, "m", 0.0, 10.0, "distance from obstacles that plans keep where there is no other "
+                                 "way; for a footprint that is the disc in which a robot turns. 0: the inscribed "
+                                 "radius"),
 }
 MOST_CELLS = 200000000
 # parameters that pre-hydro files have in the costmap's namespace, by the layer to which they belong

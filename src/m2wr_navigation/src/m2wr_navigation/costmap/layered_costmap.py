@@ -50,6 +50,8 @@ class LayeredCostmap:
     drives_sideways : bool
         Whether the robot can drive to the side. If not, it needs half its width on each side of a plan: snapshots say
         so where the inscribed radius is less, because the footprint is not centred about the base frame's origin.
+    least_clearance : float
+        Distance from lethal cells that plans keep where there is no other way [m]; 0: the inscribed radius.
     """
 
     def __init__(self, frame: str, size: Tuple[float, float], resolution: float, origin: Tuple[float, float],
@@ -63,7 +65,7 @@ class LayeredCostmap:
         shape = (max(1, int(round(size[1] / resolution))), max(1, int(round(size[0] / resolution))))
         self.master = Costmap.filled(shape, resolution, origin, self._default, frame)
         self.inscribed = self.circumscribed = 0.0
-        self.drives_sideways = True
+        self.drives_sideways, self.least_clearance = True, 0.0
         self._renewed, self._was_updated = True, False
         self._shown_lock = threading.Lock()     # so that a snapshot does not wait for an update
         self._shown, self._handed_out = self.master.copy(), True
@@ -187,7 +189,7 @@ class LayeredCostmap:
         """Return the costmap after the last whole update; it never changes afterwards and must not be written to."""
         with self._shown_lock:
             self._handed_out = True
-            return replace(self._shown, beside=self._beside())
+            return replace(self._shown, beside=self._beside(), least_clearance=self.least_clearance)
 
     def _beside(self) -> float:
         """Return half the robot's width where plans have to keep it free [m]; less than half a cell does not count."""

@@ -13,6 +13,7 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATIO
 from m2wr_navigation.parameters import Configurable
 from m2wr_navigation.planners import wave_kernels
 from m2wr_navigation.planners.free_sides import with_free_sides
+from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
@@ -89,6 +90,11 @@ class Planner(Configurable, ABC):
         """
         start, goal = np.asarray(start, float), np.asarray(goal, float)
         remark = ""
+        if costmap.least_clearance > 0.0:
+            try:
+                return self.search(costmap, start, goal, 0.0)
+            except PlanningError:           # no way for the footprint: a narrower one
+                costmap = with_narrow_ways(costmap, costmap.least_clearance)
         try:
             if costmap.beside > 0.0:
                 try:

@@ -85,6 +85,7 @@ class CostmapServer:
             self.frame, (values["width"], values["height"]), values["resolution"],
             (values["origin_x"], values["origin_y"]), values["rolling_window"], values["track_unknown_space"],
             time.thread_time)
+        self.costmap.least_clearance = values["least_clearance"]
         self._take_footprint()
         self._inputs: List[SensorInput] = []
         self._voxels: List[VoxelOutputs] = []
@@ -220,6 +221,7 @@ class CostmapServer:
             if values["footprint"] != before["footprint"]:
                 self._given["footprint"] = values["footprint"]
             self._take_footprint()
+        self.costmap.least_clearance = values["least_clearance"]
         if any(values[name] != before[name] for name in ("width", "height", "resolution", "origin_x", "origin_y")):
             fault = size_fault(values)
             if fault:
