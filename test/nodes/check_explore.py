@@ -33,8 +33,11 @@ class Explore(unittest.TestCase):
             text = run.text
         self.assertIn("exploration ended: no reachable frontier is left", text)
         self.assertIn("Exploration stopped.", text)
-        self.assertEqual([message.data for message in states.messages],
-                         ["exploring", "done: no reachable frontier is left"])
+        told = [message.data for message in states.messages]
+        self.assertEqual((len(told), told[0]), (2, "exploring"))
+        # there may be more: a gap between two walls is narrower on a later map, and what is behind it is given up
+        self.assertTrue(told[1].startswith("done: no reachable frontier is left"), told)
+        self.assertNotIn("could be reached once", told[1])
         self.assertTrue(any(message.markers for message in frontiers.messages), text)
         plan = read_map(os.path.join(self.folder, "plan.yaml"))
         self.assertGreater((plan.data == 0).sum() * plan.resolution ** 2, AREA, text)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import numpy as np
 
-from m2wr_exploration.frontiers import Frontier, View, distances, look
+from m2wr_exploration.frontiers import Frontier, View, look, reachable_area, with_room
 from m2wr_exploration.set_aside import SetAside, costs_at
 from m2wr_exploration.team.auction import assign
 from m2wr_exploration.team.making_room import paths, place_to_wait
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import Parameter, flag
+from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
@@ -24,6 +25,8 @@ PARAMETERS: Dict[str, Parameter] = {
     "robot_radius": Parameter(0.0, "m", 0.0, 10.0, "radius of the disc in which the robot can turn, not less than "
                               "the planner of its goals keeps free; frontiers are looked at from where it has room. 0: "
                               "any place that the costmap allows"),
+    "least_clearance": Parameter(0.0, "m", 0.0, 10.0, "distance from obstacles at which the robot can drive on but not "
+                                 "turn; when nothing else is left, it takes such ways, with one try. 0: none"),
     "min_frontier_size": Parameter(0.5, "m", 0.0, 100.0, "size of the smallest frontier"),
     "min_corner_size": Parameter(0.0, "m", 0.0, 100.0, "size of the smallest frontier in a place too narrow for the "
                                  "robot, into which it looks; 0: none"),
@@ -42,6 +45,7 @@ EXPLORING, RETURNING, DONE = "exploring", "returning", "done"
 NEARER = 0.05               # m: by which the path to the goal has to become shorter to count as progress
 SAME_GOAL = 0.1             # m: a goal that has moved less is not sent again
 CLOSER = 0.5                # m: by which a path has to be shorter or longer to count as another one
+BEHIND = 2.0                # m: size of the smallest frontier behind a narrow way; a room behind a door has a greater
 SAME_FRONTIER = 0.5         # m: frontiers whose centres are nearer are one
 GROWTH = 0.5                # m^2: by which the known area has to grow to count as progress
 CLOSED = 2.0                # m^2: by which the reachable area has to shrink for a way to count as closed
@@ -125,6 +129,7 @@ class Explorer:
         self.aside = SetAside(SAME_FRONTIER, values["retry_after"], values["tries"])
         self.summary = ""
         self._goal: Optional[FloatArray] = None
+        self._narrow = False                # whether a narrow way may lead to the target
         self._start: Optional[FloatArray] = None
         self._began: Optional[float] = None
         self._points: FloatArray = np.empty((0, 2))     # of the target, unknown when its goal was sent [m]
@@ -134,7 +139,7 @@ class Explorer:
         self._progress, self._detours = 0.0, 0
         self._empty_since: Optional[float] = None
         self._known, self._grew = -math.inf, 0.0
-        self._reachable = 0.0               # m^2: the greatest area that could be reached at a time
+        self._area = self._reachable = 0.0  # m^2: that can be reached now, and once on wide ways
         self._told = ""
 
     def step(self, now: float, costmap: Costmap, pose: FloatArray, result: str = "", text: str = "",
@@ -169,10 +174,10 @@ class Explorer:
             return Decision(state=DONE)
         if self.state == RETURNING:
             return self._return(now, pose, result, text)
-        self.view = self._look(costmap, pose, known)
+        self.view = self._look(now, costmap, pose, known)
         if self.view.reason:
             return Decision(messages=self._once(self.view.reason))
-        self._reachable = max(self._reachable, self._reachable_now())
+        self._measure_reachable(costmap, pose)
         for entry in self.aside.forget_changed(costmap, self.view.frontiers):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
         messages += self._judge_last(now, costmap, pose, result, text, costmap if known is None else known)
@@ -210,18 +215,29 @@ class Explorer:
             return ""
         return self.aside.add(now, self.view.costmap, target, reason).place
 
-    def _look(self, costmap: Costmap, pose: FloatArray, known: Optional[Costmap]) -> View:
-        """Return the frontiers around the robot; if there are none, those around its start, from where it has come.
+    def _look(self, now: float, costmap: Costmap, pose: FloatArray, known: Optional[Costmap]) -> View:
+        """Return the frontiers to which there are wide ways; if none is left, those behind narrow ones.
 
-        A robot in a place in which it cannot turn is cut off from the rest on the map.
+        A robot that is cut off looks for frontiers around its start, from where it has come.
         """
-        how = self.values["min_frontier_size"], self.values["robot_radius"], self.values["min_corner_size"], known
-        view = look(costmap, pose[:2], *how)
-        if not view.frontiers and self._start is not None:
-            around_start = look(costmap, self._start[:2], *how)
-            if around_start.frontiers:
-                return around_start
-        return view
+        least, radius, corner, clearance = (self.values[name] for name in (
+            "min_frontier_size", "robot_radius", "min_corner_size", "least_clearance"))
+        committed = self._narrow and self.target is not None        # the target is not in the view of wide ways
+        wide = None if committed else look(costmap, pose[:2], least, radius, corner, known)
+        self._narrow = False
+        if wide is not None and self._any_allowed(now, wide):
+            return wide
+        if clearance > 0.0:
+            behind = look(costmap, pose[:2], max(least, BEHIND), radius, 0.0, known, clearance)
+            if wide is None or self._any_allowed(now, behind):
+                self._narrow = True
+                return behind
+        assert wide is not None and self._start is not None
+        around_start = wide if wide.frontiers else look(costmap, self._start[:2], least, radius, corner, known)
+        return around_start if around_start.frontiers else wide
+
+    def _any_allowed(self, now: float, view: View) -> bool:
+        return any(self.aside.allows(now, frontier) for frontier in view.frontiers)
 
     def _stalls(self, now: float, costmap: Costmap) -> bool:
         """Return whether nothing new was seen for too long: so exploration ends, whatever the frontiers do."""
@@ -248,7 +264,7 @@ class Explorer:
         self._note_progress(now)
         if result == "succeeded":
             self._arrived = now
-        there, reason = self._still_there(target), ""
+        there, reason, narrow = self._still_there(target), "", self._narrow
         if self._arrived is not None and there is not None and result in ("", "succeeded"):
             if now - self._arrived < self.values["look_time"]:
                 return []
@@ -263,7 +279,7 @@ class Explorer:
             self.target, self._goal, self._arrived = None, None, None
         if not reason:
             return []
-        entry = self.aside.add(now, costmap, there or target, reason)
+        entry = self.aside.add(now, costmap, there or target, reason, narrow)
         return ["the frontier at {} is set aside: {}".format(entry.place, reason)]
 
     def _note_progress(self, now: float) -> None:
@@ -407,7 +423,7 @@ class Explorer:
             messages += self._once("all frontiers that are left were set aside; they will be tried again")
             return Decision(cancel=cancel, messages=tuple(messages))
         self._empty_since = now if self._empty_since is None else self._empty_since
-        shut = self._reachable - self._reachable_now() - TEAMMATE * len(others)
+        shut = self._reachable - self._area - TEAMMATE * len(others)
         if shut > CLOSED and now - self._empty_since < self.values["retry_after"]:
             messages += self._once("{:.0f} m^2 that could be reached cannot be reached now; the robot waits for the "
                                    "way to open, {:g} s".format(shut, self.values["retry_after"]))
@@ -420,10 +436,16 @@ class Explorer:
             "; {:.0f} m^2 that could be reached once are behind a way that has closed".format(shut)
             if shut > CLOSED else ""), messages, cancel)
 
-    def _reachable_now(self) -> float:
-        """Return the area of the places where the robot can be [m^2]."""
-        assert self.view is not None
-        return float(np.count_nonzero(np.isfinite(self.view.distance))) * self.view.costmap.resolution ** 2
+    def _measure_reachable(self, costmap: Costmap, pose: FloatArray) -> None:
+        """Measure the area to which wide ways led at a time, and that to which any way leads now.
+
+        So a narrow way that is open on one map and closed on the next does not count as one that has closed.
+        """
+        clearance, room = self.values["least_clearance"], with_room(costmap, self.values["robot_radius"])
+        self._area = wide = reachable_area(room, room, pose[:2])
+        if clearance > 0.0:
+            self._area = reachable_area(room, with_narrow_ways(room, clearance), pose[:2])
+        self._reachable = max(self._reachable, wide)
 
     def _finish(self, reason: str, messages: List[str], cancel: bool = True) -> Decision:
         self.summary, self.target = reason, None
@@ -451,8 +473,8 @@ def _way(view: View, other: Teammate, frontier: Frontier) -> float:
 
 def _field(view: View, other: Teammate) -> Optional[Float32Array]:
     """Return the length of the path of a teammate to each cell (H, W) [m]; None: it is outside of the map."""
-    cell = view.costmap.cell(float(other.place[0]), float(other.place[1]))
-    return None if cell is None else distances(view.costmap, cell)
+    cell = view.passable.cell(float(other.place[0]), float(other.place[1]))
+    return None if cell is None else view.distances_from(cell)
 
 
 def _unknown_of(known: Costmap, points: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from m2wr_navigation.costmap.cost_layout import FREE, INSCRIBED, LETHAL, NO_INFO
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.planners import wave_kernels
+from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int8Array, Int32Array, Uint8Array
@@ -93,10 +94,13 @@ class View:
     Attributes
     ----------
     costmap : Costmap
+        Inscribed where the robot cannot turn.
+    passable : Costmap
+        Inscribed where the robot cannot be.
     robot : (2,) float64
         [m]
     distance : (H, W) float32
-        Length of the path from the robot to each cell [m]; inf: not reachable.
+        Length of the path from the robot to each cell where it can turn [m]; inf: not reachable.
     frontiers : list of Frontier
         Not smaller than the least size.
     small : int
@@ -106,11 +110,16 @@ class View:
     """
 
     costmap: Costmap
+    passable: Costmap
     robot: FloatArray
     distance: Float32Array
     frontiers: List[Frontier]
     small: int = 0
     reason: str = ""
+
+    def distances_from(self, cell: Tuple[int, int]) -> Float32Array:
+        """Return the length of the path from a passable cell to each cell where the robot can turn (H, W) [m]."""
+        return distances_with_room(self.costmap, self.passable, cell)
 
 
 def distances(costmap: Costmap, cell: Tuple[int, int]) -> Float32Array:
@@ -145,8 +154,67 @@ def with_room(costmap: Costmap, radius: float) -> Costmap:
     return Costmap(costs.astype(np.uint8), costmap.resolution, costmap.origin, costmap.frame)
 
 
-def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
-         corner: float = 0.0, known: Optional[Costmap] = None) -> View:
+def nearest_passable(costmap: Costmap, place: FloatArray) -> Optional[Tuple[int, int]]:
+    """Return the nearest cell where the robot can be, at most NEAR away; None: there is none.
+
+    Parameters
+    ----------
+    costmap : Costmap
+    place : (2,) float64
+        [m]
+    """
+    cell = costmap.cell(place[0], place[1])
+    if cell is None:
+        return None
+    row, column = frontier_kernels.nearest_passable(costmap.costs, cell[0], cell[1], INSCRIBED - 1,
+                                                    int(math.ceil(NEAR / costmap.resolution)))
+    return None if row < 0 else (row, column)
+
+
+def distances_with_room(room: Costmap, passable: Costmap, start: Tuple[int, int]) -> Float32Array:
+    """Return the length of the path from a cell to each cell where the robot can turn (H, W) [m]; inf: none.
+
+    As the planner does, a path keeps to places where the robot can turn if there is such a path, however long.
+
+    Parameters
+    ----------
+    room : Costmap
+        Inscribed where the robot cannot turn.
+    passable : Costmap
+        Inscribed where it cannot be.
+    start : (row, column)
+        Passable.
+    """
+    narrow = distances(passable, start)
+    if room is passable:
+        return narrow
+    narrow[room.costs >= INSCRIBED] = np.inf
+    first = np.unravel_index(int(np.argmin(narrow)), narrow.shape)
+    wide = distances(room, (int(first[0]), int(first[1]))) + narrow[first]
+    return np.where(np.isfinite(wide), wide, narrow)
+
+
+def reachable_area(room: Costmap, passable: Costmap, place: FloatArray) -> float:
+    """Return the area of the places where a robot can turn, and to which it can drive [m^2].
+
+    Parameters
+    ----------
+    room : Costmap
+        Inscribed where the robot cannot turn.
+    passable : Costmap
+        Inscribed where it cannot be.
+    place : (2,) float64
+        Where it is [m].
+    """
+    start = nearest_passable(passable, place)
+    if start is None:
+        return 0.0
+    return float(np.count_nonzero(np.isfinite(distances(passable, start)) & (room.costs < INSCRIBED))) \
+        * room.resolution ** 2
+
+
+def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0, corner: float = 0.0,
+         known: Optional[Costmap] = None, inscribed: float = 0.0) -> View:
     """Find the frontiers that the robot can reach.
 
     Parameters
@@ -163,25 +231,27 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
         [m]; 0: such frontiers do not count.
     known : Costmap, optional
         The map without inflation, for corners: a costmap does not tell which of its inscribed cells were seen.
+    inscribed : float
+        Distance from obstacles at which the robot can drive but not turn [m]; 0: it only drives where it can turn.
 
     Returns
     -------
     View
     """
     robot, costmap = np.asarray(robot, float)[:2], with_room(costmap, radius)
+    passable = with_narrow_ways(costmap, inscribed) if inscribed > 0.0 else costmap
     nothing = np.full(costmap.shape, np.inf, np.float32)
     cell = costmap.cell(robot[0], robot[1])
     if cell is None:
         far = costmap.origin + costmap.resolution * np.array([costmap.columns, costmap.rows])
-        return View(costmap, robot, nothing, [], 0, "the robot at ({:.2f}, {:.2f}) is outside of the map, which is x "
-                    "{:.2f} to {:.2f}, y {:.2f} to {:.2f} in {}".format(
+        return View(costmap, passable, robot, nothing, [], 0, "the robot at ({:.2f}, {:.2f}) is outside of the map, "
+                    "which is x {:.2f} to {:.2f}, y {:.2f} to {:.2f} in {}".format(
                         robot[0], robot[1], costmap.origin[0], far[0], costmap.origin[1], far[1], costmap.frame))
-    start = frontier_kernels.nearest_passable(costmap.costs, cell[0], cell[1], INSCRIBED - 1,
-                                              int(math.ceil(NEAR / costmap.resolution)))
-    if start[0] < 0:
-        return View(costmap, robot, nothing, [], 0, "there is no free cell within {:g} m of the robot at ({:.2f}, "
-                    "{:.2f})".format(NEAR, robot[0], robot[1]))
-    distance = distances(costmap, start)
+    start = nearest_passable(passable, robot)
+    if start is None:
+        return View(costmap, passable, robot, nothing, [], 0, "there is no free cell within {:g} m of the robot at "
+                    "({:.2f}, {:.2f})".format(NEAR, robot[0], robot[1]))
+    distance = distances_with_room(costmap, passable, start)
     groups, count = frontier_kernels.frontier_groups(costmap.costs, distance)
     enough = [part for part in _parts(groups, count) if len(part) * costmap.resolution >= least]
     made = [_frontier(costmap, robot, distance, part, _beside(part, distance)) for part in enough]
@@ -189,7 +259,7 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
         made += _corners(costmap, costmap.costs if known is None else aligned(known, costmap), robot, distance, corner,
                          groups, start)
     found = [frontier for frontier in made if frontier is not None]
-    return View(costmap, robot, distance, found, count - len(enough))
+    return View(costmap, passable, robot, distance, found, count - len(enough))
 
 
 def _parts(groups: Int32Array, count: int) -> List[IndexArray]:

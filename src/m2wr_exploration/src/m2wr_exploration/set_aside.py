@@ -91,7 +91,7 @@ class SetAside:
         return [entry for entry in self.entries
                 if np.hypot(*(entry.points.mean(axis=0) - frontier.centre)) <= self.radius]
 
-    def add(self, now: float, costmap: Costmap, frontier: Frontier, reason: str) -> Entry:
+    def add(self, now: float, costmap: Costmap, frontier: Frontier, reason: str, final: bool = False) -> Entry:
         """Set a frontier aside.
 
         Parameters
@@ -102,13 +102,15 @@ class SetAside:
             Of now.
         frontier : Frontier
         reason : str
+        final : bool
+            Whether it is tried again only when the map around it has changed.
 
         Returns
         -------
         Entry
         """
         same = self._near(frontier)
-        tries = 1 + max((entry.tries for entry in same), default=0)
+        tries = self.tries if final else 1 + max((entry.tries for entry in same), default=0)
         self.entries = [entry for entry in self.entries if entry not in same]
         made = Entry(frontier.points, reason, _unknown(costmap, frontier.points),
                      now + self.pause * 2.0 ** (tries - 1), tries)

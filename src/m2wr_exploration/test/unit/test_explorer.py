@@ -75,7 +75,7 @@ def end_of_a_wall(goal, beside, path=1.4):
     points = np.array([(2.75, 3.25), (2.75, 3.75)])
     distance = np.full(costmap.shape, path, np.float32)
     target = Frontier(costmap.cells(points), points, points.mean(axis=0), np.array(goal), cell, 1.0, 1.0, path, beside)
-    return View(costmap, np.array([2.75, 1.25]), distance, [target])
+    return View(costmap, costmap, np.array([2.75, 1.25]), distance, [target])
 
 
 LEFT, RIGHT, AHEAD = (1.25, 2.75), (4.25, 2.75), (3.25, 2.75)
@@ -294,3 +294,51 @@ def test_a_robot_in_a_narrow_place_is_not_at_the_end():
     for now in range(2, 12):
         narrow = made.step(float(now), costmap, np.array([1.5, 0.5, 0.0]))
         assert narrow.state != DONE
+
+
+#: Two rooms in cells of 0.8 m, with a door of 2.4 m: a disc of 2 m radius does not fit through it.
+DOOR = """
+################################
+#............#.........????????#
+#............#.........????????#
+#......................????????#
+#......................????????#
+#......................????????#
+#............#.........????????#
+#............#.........????????#
+################################"""
+
+
+def narrow_explorer(**given):
+    return explorer(robot_radius=2.0, least_clearance=0.8, min_frontier_size=0.0, **given)
+
+
+def test_a_narrow_way_is_taken_when_nothing_else_is_left():
+    world, pose = grid(DOOR, 0.8), np.array([4.8, 3.6, 0.0])
+    assert explorer(robot_radius=2.0, min_frontier_size=0.0).step(0.0, world, pose).goal is None
+    goal = narrow_explorer().step(0.0, world, pose).goal
+    assert goal is not None and goal[0] > 12.0
+    world.costs[3:6, 1:3] = 255         # something to see on this side of the door
+    assert narrow_explorer().step(0.0, world, pose).goal[0] < 8.0
+
+
+def test_a_frontier_behind_a_narrow_way_is_tried_once():
+    world, made = grid(DOOR, 0.8), narrow_explorer(retry_after=0.0)
+    pose, told = np.array([4.8, 3.6, 0.0]), []
+    made.step(0.0, world, pose)
+    for now in range(1, 20):
+        decision = made.step(float(now), world, pose, "aborted" if now == 1 else "", "a reason")
+        told += decision.messages
+        assert decision.goal is None
+        if decision.state == DONE:
+            break
+    assert "could not be reached: a reason" in told[0] and "given up" in told[-1]
+
+
+def test_a_narrow_way_does_not_count_as_closed():
+    """A robot in the far room can reach the near one on a narrow way."""
+    world, made = grid(DOOR, 0.8), narrow_explorer()
+    made.step(0.0, world, np.array([4.8, 3.6, 0.0]))
+    world.costs[world.costs == 255] = 0
+    decisions = [made.step(float(now), world, np.array([20.0, 3.6, 0.0])) for now in range(1, 10)]
+    assert texts(decisions) == ["exploration ended: no reachable frontier is left"]

@@ -37,3 +37,12 @@ def test_a_changed_map_makes_it_new_again(map_and_frontier):
     costmap.costs[:, 30:34] = 0
     assert [entry.reason for entry in aside.forget_changed(costmap)] == ["blocked"]
     assert aside.allows(1.0, frontier)
+
+
+def test_a_final_entry_waits_for_a_change_of_the_map(map_and_frontier):
+    costmap, frontier = map_and_frontier
+    aside = SetAside(0.5, 10.0, 3)
+    aside.add(0.0, costmap, frontier, "blocked", True)
+    assert not aside.allows(1e9, frontier) and not aside.may_later(frontier)
+    costmap.costs[:, 30:34] = 0
+    assert aside.forget_changed(costmap) and aside.allows(0.0, frontier)

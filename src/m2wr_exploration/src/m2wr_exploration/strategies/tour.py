@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, List
 
 import numpy as np
 
-from m2wr_exploration.frontiers import distances
 from m2wr_exploration.strategies.strategy import Strategy
 from m2wr_exploration.strategies.tour_kernels import shortest_tour
 from m2wr_navigation.parameters import Parameter
@@ -33,7 +32,7 @@ class Tour(Strategy):
             return near
         between = np.empty((len(toured), len(toured)))
         for number, frontier in enumerate(toured):
-            field = distances(view.costmap, frontier.goal_cell)
+            field = view.distances_from(frontier.goal_cell)
             between[number] = [field[other.goal_cell] for other in toured]
         tour = shortest_tour(np.array([frontier.path for frontier in toured]), between)
         return [toured[number] for number in tour] + rest

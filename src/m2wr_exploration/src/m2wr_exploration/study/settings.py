@@ -10,7 +10,7 @@ import yaml
 from m2wr_sim.api.loading import package_folder
 
 #: Parameters of explore, as in explore.launch [m].
-EXPLORER = {"robot_radius": 0.43, "min_frontier_size": 0.25, "min_corner_size": 1.0}
+EXPLORER = {"robot_radius": 0.455, "least_clearance": 0.25, "min_frontier_size": 0.25, "min_corner_size": 1.0}
 
 
 def _merged(below: Dict[str, Any], above: Dict[str, Any]) -> Dict[str, Any]:
