@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import numpy as np
 
-from m2wr_exploration.frontiers import Frontier, View, look, reachable_area, with_room
+from m2wr_exploration.frontiers import Frontier, View, look, reachable_area
 from m2wr_exploration.set_aside import SetAside, costs_at
 from m2wr_exploration.team.auction import assign
 from m2wr_exploration.team.making_room import paths, place_to_wait
@@ -177,7 +177,7 @@ class Explorer:
         self.view = self._look(now, costmap, pose, known)
         if self.view.reason:
             return Decision(messages=self._once(self.view.reason))
-        self._measure_reachable(costmap, pose)
+        self._measure_reachable(self.view.costmap, pose)
         for entry in self.aside.forget_changed(costmap, self.view.frontiers):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
         messages += self._judge_last(now, costmap, pose, result, text, costmap if known is None else known)
@@ -436,12 +436,12 @@ class Explorer:
             "; {:.0f} m^2 that could be reached once are behind a way that has closed".format(shut)
             if shut > CLOSED else ""), messages, cancel)
 
-    def _measure_reachable(self, costmap: Costmap, pose: FloatArray) -> None:
+    def _measure_reachable(self, room: Costmap, pose: FloatArray) -> None:
         """Measure the area to which wide ways led at a time, and that to which any way leads now.
 
         So a narrow way that is open on one map and closed on the next does not count as one that has closed.
         """
-        clearance, room = self.values["least_clearance"], with_room(costmap, self.values["robot_radius"])
+        clearance = self.values["least_clearance"]
         self._area = wide = reachable_area(room, room, pose[:2])
         if clearance > 0.0:
             self._area = reachable_area(room, with_narrow_ways(room, clearance), pose[:2])

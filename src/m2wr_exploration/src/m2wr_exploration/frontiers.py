@@ -214,7 +214,7 @@ def reachable_area(room: Costmap, passable: Costmap, place: FloatArray) -> float
 
 
 def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0, corner: float = 0.0,
-         known: Optional[Costmap] = None, inscribed: float = 0.0) -> View:
+         known: Optional[Costmap] = None, clearance: float = 0.0) -> View:
     """Find the frontiers that the robot can reach.
 
     Parameters
@@ -231,7 +231,7 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
         [m]; 0: such frontiers do not count.
     known : Costmap, optional
         The map without inflation, for corners: a costmap does not tell which of its inscribed cells were seen.
-    inscribed : float
+    clearance : float
         Distance from obstacles at which the robot can drive but not turn [m]; 0: it only drives where it can turn.
 
     Returns
@@ -239,7 +239,7 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
     View
     """
     robot, costmap = np.asarray(robot, float)[:2], with_room(costmap, radius)
-    passable = with_narrow_ways(costmap, inscribed) if inscribed > 0.0 else costmap
+    passable = with_narrow_ways(costmap, clearance) if clearance > 0.0 else costmap
     nothing = np.full(costmap.shape, np.inf, np.float32)
     cell = costmap.cell(robot[0], robot[1])
     if cell is None:

@@ -91,10 +91,10 @@ class Planner(Configurable, ABC):
         start, goal = np.asarray(start, float), np.asarray(goal, float)
         remark = ""
         if costmap.least_clearance > 0.0:
-            try:
-                return self.search(costmap, start, goal, 0.0)
-            except PlanningError:           # no way for the footprint: a narrower one
-                costmap = with_narrow_ways(costmap, costmap.least_clearance)
+            wide = self.plan(replace(costmap, least_clearance=0.0), start, goal)
+            if len(wide.poses):
+                return wide
+            costmap = with_narrow_ways(costmap, costmap.least_clearance)
         try:
             if costmap.beside > 0.0:
                 try:
