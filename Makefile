@@ -13,7 +13,7 @@ help:  ## list the targets and the variables they take
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run concurrently"
 	@echo "           MOMENTS=100  interrupts of each launch file in make faults;  PAIRS=10  runs repeated under load"
-	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counts as failed"
+	@echo "           TEST_TIMEOUT=3900  seconds after which a test run is ended and counts as failed"
 	@echo "           MINUTES=60  how long fuzz runs;  FUZZ_ARGS='--target urdf'  its options (test/fuzz/README.md)"
 	@echo "           HOURS=24  simulated hours of soak;  SOAK_ARGS='--factor 20'  its options (docs/endurance.md)"
 

@@ -9,7 +9,7 @@
 #   CI_STEPS   steps, separated by blanks (default: setup lint docs test demo); variables of the Makefile are passed on
 #   CI_ROOT    `host` runs the steps on this machine; with `fresh` it is an error if no root can be made
 #   CI_FOLDER  folder in which the root is made; it takes about 6 GB (default: TMPDIR, or /var/tmp)
-#   CI_LIMIT   seconds after which everything is ended (default 3600)
+#   CI_LIMIT   seconds after which everything is ended (default 5100: TEST_TIMEOUT, and the other steps on a slow machine)
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 # shellcheck source=tools/fresh_root.sh

@@ -204,7 +204,7 @@ remove_root() {
 
 # Makes the root, runs the set-up as a new user and then the steps in it; returns the exit code of the failed step.
 run_in_fresh_root() {
-    local work limit=${CI_LIMIT:-3600} runner status=0 interrupted=
+    local work limit=${CI_LIMIT:-5100} runner status=0 interrupted=
     remove_stale_roots
     work=$(mktemp -d "$(root_folder)/m2wr-root.XXXXXX")
     prepare "$work"

@@ -13,7 +13,7 @@ cd "$WORKSPACE"
 read -r -a packages <<< "${TEST_PACKAGES:-}"
 processors=$(nproc)
 jobs=${TEST_JOBS:-$((processors < 2 ? 1 : 2))}
-limit=${TEST_TIMEOUT:-2400}
+limit=${TEST_TIMEOUT:-3900}
 
 [ -r "$BUILD_STAMP" ] || die "the workspace is not built; run make setup first."
 find "$CATKIN_BUILD" -mindepth 2 -maxdepth 2 -type d -name 'test_results*' -print0 | xargs -0 -r rm -rf
