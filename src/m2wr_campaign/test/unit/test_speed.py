@@ -7,6 +7,8 @@ from m2wr_campaign.runner import speed
 STUDY = "study: one\nlimit: 3\nrepeats: 4\nworlds: [{file: world02, start: [0, 8], goal: [0, 7]}, " \
     "{file: world02, start: [0, 8], goal: [0, 6.5]}]\nmethods: [bug0, NavfnROS]\n"
 
+TRIES = 3
+
 
 @pytest.fixture
 def study(tmp_path):
@@ -26,9 +28,11 @@ def test_a_run_takes_longer_than_its_parts(study):
     tasks = speed.tasks_of(study, 16)
     speed.share_of(tasks[0])
     for task in (tasks[0], tasks[1]):
-        share = speed.share_of(task)
-        assert 0.0 < share.method and 0.0 < share.simulation < share.whole
-        assert 0.0 < speed.start_of(task) < share.whole
+        shares = [speed.share_of(task) for _ in range(TRIES)]
+        whole = max(share.whole for share in shares)        # measured apart, so other programs may slow one of them
+        assert min(share.method for share in shares) > 0.0
+        assert 0.0 < min(share.simulation for share in shares) < whole
+        assert 0.0 < min(speed.start_of(task) for _ in range(TRIES)) < whole
 
 
 def test_the_report_has_all_three_tables(study):

@@ -19,11 +19,13 @@ from m2wr_tools.benchmark.arguments import OTHERS
 
 PACKAGE = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 SIMULATOR = os.path.join(os.path.dirname(PACKAGE), "m2wr_sim")
+STEP, STEPS_PER_SECOND = 0.005, 200.0       # s, 1/s
+TRIES = 3
 
 
 def case(robots=1, obstacles=20, **changes):
     world = load_world(reference.world_sdf(obstacles, robots))
-    return in_process.Case(world, robots, **dict(dict(step=0.005, duration=1.0, beams=90), **changes))
+    return in_process.Case(world, robots, **dict(dict(step=STEP, duration=1.0, beams=90), **changes))
 
 
 # ---- the world ----------------------------------------------------------------------------------------------------
@@ -76,12 +78,14 @@ def test_robots_drive_their_circles_without_contacts(robots):
 @pytest.mark.parametrize("engine", ["auto", "pyode"])
 def test_figures_of_a_case_fit_together(engine):
     told = []
-    result = in_process.measure(case(engine=engine), told.append)
-    assert told[-1] == 1.0 and told == sorted(told)
+    results = [in_process.measure(case(engine=engine), told.append) for _ in range(TRIES)]
+    result = results[0]
+    assert told[-1] == 1.0 and told == TRIES * sorted(set(told))
     assert result["messages"] == 0 and result["contacts"] == 0 and result["memory_mb"] > 10.0
     assert 0.0 < result["scan_share"] + result["physics_share"] <= 1.0
     assert 1.0 < result["step_us"] < 2000.0 and 1.0 < result["scan_us"] < 5000.0
-    assert result["factor"] * result["step_us"] * 200.0 < 1.5e6      # what steps take of a second leaves the factor
+    # steps alone take a part of the time; both are measured apart, so other programs may slow one of them
+    assert min(result["factor"] * result["step_us"] for result in results) * STEPS_PER_SECOND < 1.5e6
 
 
 def test_stop_watch_counts_calls_and_gives_the_function_back():
