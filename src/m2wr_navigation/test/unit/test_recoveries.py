@@ -8,6 +8,7 @@ import pytest
 from m2wr_navigation import registry
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import read
 from m2wr_navigation.recoveries.recovery import Costmaps
 
@@ -136,6 +137,21 @@ def test_back_up_leaves_a_corridor_too_narrow_to_turn():
 def test_back_up_does_nothing_where_the_robot_can_turn():
     step, pose = back_out(behaviour("BackUpRecovery"), np.zeros((100, 100), np.uint8), (0.0, 0.0, 0.0))
     assert step.done and not step.reason and pose == (0.0, 0.0, 0.0)
+
+
+def test_back_up_continues_if_a_corner_would_graze_an_obstacle():
+    """A corner is in a cell for a few hundredths of a radian, which the turn of the next recovery behaviour sees."""
+    rng, grazed, costs = np.random.default_rng(3), 0, np.zeros((100, 100), np.uint8)
+    costs[50, 58] = 254
+    for _ in range(4000):
+        x, y, yaw = rng.uniform(-0.03, 0.0), rng.uniform(-0.1, 0.1), rng.uniform(-1.4, 1.4)
+        here = placed(0.0, (x, y, yaw), costs)
+        rows = [outline_cost(costs, 0.05, here.costmap.origin, FOOTPRINT, x, y, yaw + turned) == IN_COLLISION
+                for turned in np.arange(-1.6, 1.601, 0.01)]
+        if any(rows) and not any(rows[::5]):
+            grazed += 1
+            assert not behaviour("BackUpRecovery").step(here).done
+    assert grazed >= 3
 
 
 def test_back_up_ends_before_a_wall_behind():

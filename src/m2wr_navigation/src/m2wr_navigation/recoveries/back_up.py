@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
 
 import numpy as np
 
-from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import Parameter
+from m2wr_navigation.recoveries.collisions import collides, is_turn_free
 from m2wr_navigation.recoveries.recovery import Recovery, Step
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 CURVATURES = (0.0, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)     # 1/m: of the arcs that are tried, the straightest first
 SAMPLED = 0.02              # m: step in which an arc is checked
-TURN_SAMPLED = 0.05         # rad: step in which a turn is checked
+TURN_SAMPLED = 0.01         # rad: step in which a turn is checked, 4 mm at the corners of m2wr
 STALLED = 0.02, 3.0         # m, s: a robot that moves less in this time is stuck
 
 
@@ -72,18 +72,13 @@ class BackUp(Recovery):
     @staticmethod
     def _free_length(situation: Situation, curvature: float, length: float) -> float:
         """Return how far an arc backwards is free [m]."""
-        grid, (x, y, yaw) = situation.costmap, situation.pose
+        x, y, yaw = situation.pose
         for count in range(1, int(math.ceil(length / SAMPLED)) + 1):
             x, y = x - SAMPLED * math.cos(yaw), y - SAMPLED * math.sin(yaw)
             yaw -= curvature * SAMPLED
-            if outline_cost(grid.costs, grid.resolution, grid.origin, situation.footprint, x, y, yaw) == IN_COLLISION:
+            if collides(situation, x, y, yaw):
                 return (count - 1) * SAMPLED
         return length
 
     def _can_turn(self, situation: Situation) -> bool:
-        grid, pose = situation.costmap, situation.pose
-        count = int(math.ceil(self.values["room"] / TURN_SAMPLED))
-        return not any(outline_cost(
-            grid.costs, grid.resolution, grid.origin, situation.footprint, pose[0], pose[1],
-            pose[2] + sense * self.values["room"] * k / max(1, count)) == IN_COLLISION
-            for sense in (1.0, -1.0) for k in range(1, count + 1))
+        return all(is_turn_free(situation, sense * self.values["room"], TURN_SAMPLED) for sense in (1.0, -1.0))

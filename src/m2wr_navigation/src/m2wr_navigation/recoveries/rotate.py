@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Mapping
 
 import numpy as np
 
-from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import Parameter
+from m2wr_navigation.recoveries.collisions import collides, is_turn_free
 from m2wr_navigation.recoveries.recovery import Recovery, Step
 
 if TYPE_CHECKING:
@@ -66,8 +66,5 @@ class Rotate(Recovery):
 
     def _is_free(self, situation: Situation, sense: float, angle: float) -> bool:
         """Return whether the footprint meets no obstacle in a turn by an angle [rad]."""
-        grid, pose = situation.costmap, situation.pose
-        count = max(1, int(math.ceil(angle / self.values["sim_granularity"])))
-        return not any(outline_cost(
-            grid.costs, grid.resolution, grid.origin, situation.footprint, pose[0], pose[1],
-            pose[2] + sense * angle * k / count) == IN_COLLISION for k in range(count + 1))
+        return not collides(situation, *situation.pose) and is_turn_free(
+            situation, sense * angle, self.values["sim_granularity"])
