@@ -262,11 +262,12 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     compile_kernels()
     rows: List[Row] = []
-    print("%-56s %10s %10s" % ("task", "CPU ms", "C++ ms"))
+    print("%-56s %10s %10s %6s" % ("task", "CPU ms", "C++ ms", "ratio"))
     for row in rows_of(options.seed, not options.quick):
         rows.append(row)
-        print("%-56s %10.3f %10s  %s" % (row.task, row.cpu_ms, "" if row.original_ms is None
-                                         else "%.2f" % row.original_ms, row.remark), flush=True)
+        original = ("", "") if row.original_ms is None else (
+            "%.2f" % row.original_ms, "%.2f" % (row.cpu_ms / row.original_ms))
+        print("%-56s %10.3f %10s %6s  %s" % (row.task, row.cpu_ms, *original, row.remark), flush=True)
     if options.json:
         with open(options.json, "w", encoding="utf-8") as stream:
             json.dump([asdict(row) for row in rows], stream, indent=1)
