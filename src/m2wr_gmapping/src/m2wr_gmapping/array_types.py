@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     Float32Array = NDArray[np.float32]
+    Complex64Array = NDArray[np.complex64]
     IndexArray = NDArray[np.int64]
     Int32Array = NDArray[np.int32]
     Int16Array = NDArray[np.int16]

@@ -11,11 +11,12 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.backend.loop_closing import LoopCloser
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
+from m2wr_gmapping.backend.turned_path import looks_alike
 from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
-from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.matcher import WINDOW_MOST, FastMatcher
 from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
@@ -179,8 +180,7 @@ class Mapper:
         due = self._due(stamp)
         if tracker is None:
             pass
-        elif self._level.is_tilted(slope, reading.points, distance) and (
-                self._level.is_rocking or not self._due(stamp, share=1.0 / tuning.TRACKING.put_off)):
+        elif self._level.is_tilted(slope, reading.points, distance) and self._level.is_rocking:
             due = False
         elif due or (self._dense and (moved or self._motion.has_changed(reading))):
             self._motion.remember(reading)
@@ -231,7 +231,7 @@ class Mapper:
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
         if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
-            pose = self._matcher.search(particles.maps, 0, reading, pose, tuning.MATCHING.start_window)
+            pose = self._matcher.search(particles.maps, 0, reading, pose, WINDOW_MOST)
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
         self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
@@ -273,11 +273,11 @@ class Mapper:
         step = between(self._odom, np.asarray(odom_pose, float))
         return self._due(stamp, float(np.hypot(step[0], step[1])), abs(float(step[2])))
 
-    def _due(self, stamp: float, further: float = 0.0, turn: float = 0.0, share: float = 1.0) -> bool:
+    def _due(self, stamp: float, further: float = 0.0, turn: float = 0.0) -> bool:
         config = self.config
-        return bool(share * (self._distance + further) >= config["linearUpdate"]
-                    or share * (self._turn + turn) >= config["angularUpdate"]
-                    or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
+        return bool(self._distance + further >= config["linearUpdate"]
+                    or self._turn + turn >= config["angularUpdate"]
+                    or 0.0 <= config["temporalUpdate"] < stamp - self._last_processed)
 
     def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], Conflict]:
         """Return a function that tells how much a scan at a pose (3,) conflicts with the processed scans around it."""
@@ -296,7 +296,7 @@ class Mapper:
                     or abs(float(rel[2])) >= self.config["angularUpdate"])
 
     def _process_fully(self, reading: ScanReading, stamp: float) -> None:
-        particles, tracker = self.particles, self._tracker
+        particles, tracker, doubtful = self.particles, self._tracker, False
         anchors, least = particles.poses, self.config["minimumScore"]
         if tracker is None:
             particles.match(reading, anchors, anchors, np.zeros(3), least, None)
@@ -308,15 +308,17 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
-            if self._gaps.allow_turn(tracker.has_slipped):
-                self._history.mark_doubtful()
+            doubtful = self._gaps.allow_turn(tracker.has_slipped) or tracker.has_turned
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)
         if tracker is not None and self._history.due:
             self._recalibrate()
         if self._loops is not None:
-            self._replace_path(self._loops.search(particles.tree.path(particles.best), self.readings))
+            path = particles.tree.path(particles.best)
+            if doubtful:
+                self._history.mark_doubtful(looks_alike(path, self.readings))
+            self._replace_path(self._loops.search(path, self.readings))
 
     def _recalibrate(self) -> None:
         """Correct the path by the present calibration of odometry and mount; not on a saved map."""
@@ -328,7 +330,7 @@ class Mapper:
             self._replace_path(self._loops.recalibrate(path))
             return
         corrected = path_of(path[0], self._history.corrected(path))
-        if (np.abs(corrected - path)[:, :2] > tuning.PARTICLES.same[0] * self.config["delta"]).any():
+        if (np.abs(corrected - path)[:, :2] > tuning.PARTICLES.same[0]).any():
             self._replace_path(corrected)
 
     def _replace_path(self, path: Optional[FloatArray]) -> None:
@@ -394,7 +396,7 @@ class Mapper:
     def occupancy(self, exact: bool = True) -> Grid:
         """Return the map (Grid) of the best particle's path.
 
-        Without ``exact``, scans that moved by less than a third of a cell are not traced again. To make a map on
+        Without ``exact``, scans that moved by less than the error of a step are not traced again. To make a map on
         another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
         """
         return self.map_of(*self.map_request(), exact=exact)

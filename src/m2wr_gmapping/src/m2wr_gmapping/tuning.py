@@ -82,13 +82,10 @@ class Scans:
 class Matching:
     """Match of a scan with a map, and the search before it."""
 
-    wide: float = tuned(0.05, "m^2", "Squared width of the robust kernel in the first round.",
-                        "geometry: several cells, so that walls of the next room do not count")
     narrow: float = tuned(0.01, "m^2", "Squared width of the robust kernel in the last round, and squared step "
                           "of a search.",
                           "geometry: 0.1 m, two cells of the usual map")
-    rounds: int = tuned(8, "1", "Searches for partners of the end points, from a pose by odometry.", UNKNOWN)
-    particle_rounds: int = tuned(6, "1", "The same from a pose that was tracked.", UNKNOWN)
+    rounds: int = tuned(8, "1", "Searches for partners of the end points.", UNKNOWN)
     steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
     basin: Vector2 = tuned((0.15, 0.1), "m, rad", "Motion from which a match converges. No step of Gauss-Newton is "
                            "longer, and a slip persists over more.",
@@ -98,15 +95,19 @@ class Matching:
                                    "points.", UNKNOWN)
     good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, "
                               "and share of another place's score below which one is worse.", UNKNOWN)
-    score: float = tuned(0.5, "1", "Limit of minimumScore, and least score of a loop closure, as shares of the beams.",
-                         "geometry: most good matches do not reach a higher score")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
                                   UNKNOWN)
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
                            "normal distribution: 99.7 %")
-    search_most: Vector2 = tuned((0.8, 0.9), "m, rad", "Widest window of a search.", "time of a search")
-    start_window: Vector2 = tuned((1.0, 0.5), "m, rad", "Window around the initial pose on a saved map.",
-                                  "accuracy of a pose that is clicked in rviz")
+    outlier: float = tuned(14.2, "1", "Squared Mahalanobis distance of an outlier, which halves its weight.",
+                           "chi-squared with 3 degrees of freedom, as improbable as ``certain``: 99.7 %")
+    search_most: Vector2 = tuned((0.8, 0.9), "m, rad", "Widest window of a search, and that around an initial pose on "
+                                 "a saved map.", "time of a search")
+
+    @property
+    def wide(self) -> float:
+        """Squared width of the robust kernel in the first round: a cell of the wide search, as its result is [m^2]."""
+        return SEARCH.cells[1]**2
 
     @property
     def beam_deviation(self) -> float:
@@ -119,6 +120,11 @@ class Matching:
         return 0.1 * DRIFT.step[0]
 
     @property
+    def score(self) -> float:
+        """Limit of minimumScore, and least score of a loop closure: of a search, if some beams see new things [1]."""
+        return SEARCH.least_score * self.good_share
+
+    @property
     def search_beams(self) -> int:
         """Beams that the window search uses: around a known pose a quarter of the points will do [1]."""
         return SEARCH.points // 4
@@ -128,16 +134,20 @@ class Matching:
 class Tracking:
     """Scans between the processed ones."""
 
-    missing_scan: float = tuned(1.5, "1", "Scans are missing in an interval longer than this, in usual ones.",
-                                "geometry: between no scan missing (1) and one (2)")
     tilted_distance: float = tuned(1.0, "m", "A driving robot that pitches is level again within this distance.",
                                    "geometry: a few lengths of the robot")
     steepest: float = tuned(0.2, "m/m", "A steeper slope is no ramp: the robot has tipped over.",
                             "ramps of buildings have at most 1 in 8")
-    slope_memory: float = tuned(10.0, "m", "Distance in which the reference slope adapts to a ramp.",
-                                "geometry: the length of a ramp")
-    put_off: float = tuned(2.0, "1", "A tilted scan is processed after this multiple of the motion that makes a scan "
-                           "due.", UNKNOWN)
+
+    @property
+    def missing_scan(self) -> float:
+        """Scans are missing in an interval that is nearer to two usual ones than to one [1]."""
+        return 1.5
+
+    @property
+    def slope_memory(self) -> float:
+        """Distance in which the reference slope adapts to a ramp, which is as long as a corridor [m]."""
+        return SEARCH.path
 
     @property
     def stationary(self) -> float:
@@ -160,15 +170,15 @@ class Slips:
     """Motion that odometry does not report, or reports although there was none."""
 
     cost: float = tuned(6.0, "1", "Negative logarithm of the probability of a slip.", "one scan in 400")
-    deviations: float = tuned(2.0, "1", "Half width of the search, in standard deviations of a slip.",
-                              "normal distribution: 95 %")
     window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.", UNKNOWN)
     window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
     confirm_scans: int = tuned(20, "1", "Scans after which a slip that persists is confirmed without motion; from scan "
                                "to scan it changes by at most a step of a search.", "longer than a robot pitches")
-    left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip; a larger "
-                          "difference is another one.",
-                          "geometry: a cell of the usual map")
+
+    @property
+    def left(self) -> Vector3:
+        """Standard deviations of odometry after a slip, five steps; a larger difference is another one [m, m, rad]."""
+        return 5.0 * DRIFT.step[0], 5.0 * DRIFT.step[1], 5.0 * DRIFT.step[2]
 
     @property
     def sectors(self) -> int:
@@ -200,7 +210,6 @@ class Odometry:
                            "growth with distance and rotation.", "good wheels: half a per cent")
     memory: Vector2 = tuned((10.0, 1.0), "1, 1", "Steps that the scale of the noise is estimated from, and those that "
                             "the user's noise parameters weigh.", "users seldom measure them")
-    least_information: float = tuned(0.01, "1", "A scan with less information changes no scale.", UNKNOWN)
     scale: Vector2 = tuned((0.1, 30.0), "1, 1", "Least and greatest scale of the user's noise.", UNKNOWN)
     fastest: float = tuned(5.0, "m/s", "A higher speed between a saved state and the next scan means that odometry was "
                            "reset.", "robots for rooms drive at most half as fast")
@@ -218,10 +227,11 @@ class Calibration:
                           "share of the prior's.", "tyres and floors change within some 100 m")
     correlation: float = tuned(4.0, "1", "Errors of successive matches are correlated: so many count as one.",
                                UNKNOWN)
-    outlier: float = tuned(21.1, "1", "Squared Mahalanobis distance of an outlier.",
-                           "chi-squared with 3 degrees of freedom: 99.99 %")
-    reported: Vector2 = tuned((0.02, 0.00524), "m, rad", "Smaller errors of the laser's mount are not reported.",
-                              "geometry: half a cell; 0.3 degree, which is 1 cm in 2 m")
+
+    @property
+    def reported(self) -> Vector2:
+        """Smaller errors of the laser's mount are not reported: they are less than those of a step [m, rad]."""
+        return DRIFT.step[0], DRIFT.step[2]
 
 
 @dataclass(frozen=True)
@@ -229,17 +239,26 @@ class Particles:
     """Particle filter, and the map that is published."""
 
     drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", UNKNOWN)
-    bin: Vector3 = tuned((0.1, 0.1, 0.05), "m, m, rad", "Bin of poses of KLD-sampling.",
-                         "geometry: two cells; Fox 2003 uses larger ones for localization")
     kld: Vector2 = tuned((0.15, 2.326), "1, 1", "Bound of the Kullback-Leibler distance between sample and "
                          "distribution, and the quantile of the normal distribution for it.",
                          "Fox, Adapting the sample size in particle filters, IJRR 22(12), 2003: 0.05 to 0.2; 99 %")
     changed_count: float = tuned(0.2, "1", "Relative change of the number of particles that triggers a resampling.",
                                  "time of a resampling")
-    frozen_hits: int = tuned(20, "1", "Hits after which the mean of a cell is final.",
-                             "geometry: accurate to a few millimetres")
-    same: Vector2 = tuned((0.3, 0.002), "cells, rad", "A map is not made again if a pose changes by less.",
-                          "time of a map update")
+
+    @property
+    def bin(self) -> Vector3:
+        """Bin of poses of KLD-sampling: matches from all of its poses find the same one [m, m, rad]."""
+        return MATCHING.basin[0], MATCHING.basin[0], MATCHING.basin[1]
+
+    @property
+    def frozen_hits(self) -> int:
+        """Hits after which the mean of a cell is final: it is as exact as a step [1]."""
+        return math.ceil((MATCHING.beam_deviation / DRIFT.step[0])**2)
+
+    @property
+    def same(self) -> Vector3:
+        """A map is not made again if a pose changes by less than the error of a step [m, m, rad]."""
+        return DRIFT.step
 
     @property
     def covariance_floor(self) -> Vector3:
@@ -253,14 +272,12 @@ class Drift:
 
     heading: float = tuned(4e-5, "rad^2/m", "Variance of the heading per distance of scan matching.",
                            "measured without loop closing on 26 generated logs")
-    deviations: float = tuned(2.5, "1", "Half width of a search, in standard deviations of the drift.",
+    deviations: float = tuned(2.5, "1", "Half width of a search, in standard deviations of the drift, or of a slip.",
                               "normal distribution: 98.8 %")
     least: Vector2 = tuned((0.5, 0.1), "m, rad", "Least half width of a search. Corrections by wide searches that "
                            "differ by less agree.", "geometry: several cells of the raster of a wide search")
     most: float = tuned(30.0, "m", "Greatest half width of a search along x and y; rotations have none.",
                         "time and memory of a search: both grow with its square")
-    near: float = tuned(2.0, "m", "With less drift only the newest scans are searched, and of the old ones those "
-                        "within the drift and this.", "geometry: the width of a corridor")
     room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",
                         "geometry: half of a room")
     step: Vector3 = tuned((0.01, 0.01, 0.004), "m, m, rad", "Least standard deviation of a step of the path.",
@@ -271,6 +288,11 @@ class Drift:
                                "factor.",
                                "the filter has to follow at once, the smoother knows the whole run")
 
+    @property
+    def near(self) -> float:
+        """With less drift only the newest scans are searched, and of the old ones those within drift and room [m]."""
+        return self.room
+
 
 @dataclass(frozen=True)
 class Search:
@@ -279,21 +301,15 @@ class Search:
     local: Vector2 = tuned((0.3, 0.08), "m, rad", "A correction up to this needs no other one; corrections by near "
                            "searches that differ by less agree.", "geometry: three cells of the raster, at 4 m")
     least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one.", UNKNOWN)
-    apart: Vector2 = tuned((0.6, 0.3), "m, rad", "Least distance of another place.",
-                           "geometry: twice the width of a correct peak")
     rival: float = tuned(0.9, "1", "Another place with this share of the best score, or of the best rating by points "
                          "in free space, makes the result ambiguous.",
                          "development logs: with 0.92 equal aisles are closed wrongly")
-    beyond: float = tuned(1.3, "1", "Other places are searched within the drift times this factor.",
-                          "normal distribution: with the drift's deviations 99.9 %")
     against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
-    near_path: float = tuned(3.0, "m", "Path whose scans a near search uses, and a wide one after a short return; path "
-                             "between two scans of the check of a turned path.", "geometry: a room")
     path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
                         "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
     points: int = tuned(240, "1", "Points of a query.", "time of a search")
     spacing: float = tuned(0.25, "m", "Cell with one point of the query of a wide search.",
-                           "geometry: one cell of its raster")
+                           "geometry: one cell of its raster; tests with shallow niches")
     reach: float = tuned(12.0, "m", "Farther end points are not used. A place is old after this path, and a candidate "
                          "of a loop closure is dropped.", "time and memory of a search")
     nodes: Tuple[int, int, int] = tuned((24, 160, 320), "1, 1, 1", "Old scans of a near search, of a wide one, and of "
@@ -303,6 +319,21 @@ class Search:
     def cells(self) -> Vector2:
         """Cells of the raster of a near search, a step of a window search, and of a wide one, twice that [m, m]."""
         return math.sqrt(MATCHING.narrow), 2.0 * math.sqrt(MATCHING.narrow)
+
+    @property
+    def apart(self) -> Vector2:
+        """Least distance of another place: it needs another correction than a local one [m, rad]."""
+        return 2.0 * self.local[0], 2.0 * self.local[1]
+
+    @property
+    def beyond(self) -> float:
+        """Other places are searched where the drift can lead for certain, in half widths of a search [1]."""
+        return MATCHING.certain / DRIFT.deviations
+
+    @property
+    def near_path(self) -> float:
+        """Path whose scans a near search uses, in one room, and between two scans of the check of a turned path [m]."""
+        return DRIFT.room
 
     @property
     def alike(self) -> float:
@@ -329,21 +360,35 @@ class Search:
 class Links:
     """Fine match of a loop closure, and its covariance."""
 
-    nodes: float = tuned(4.0, "1/m", "Additional old scans per distance of a segment that is matched together.",
-                         "time of a match")
-    prior: Vector3 = tuned((0.3, 0.3, 0.15), "m, m, rad", "Standard deviations of the result of the search.",
-                           "geometry: cell of the raster of a wide search")
-    weight: float = tuned(0.375, "1", "Robust weight of an end point where observability is tested.",
-                          "the kernel of the match, on average over that distance")
-    beams: int = tuned(400, "1", "Beams of such a match.", "time of a match")
-    unheld: Vector3 = tuned((10.0, 10.0, 1.0), "m, m, rad", "Standard deviations in directions that the scans do not "
-                            "fix.",
-                            "geometry: far more than any drift")
+    @property
+    def prior(self) -> Vector3:
+        """Standard deviations of the result of the search: a local correction [m, m, rad]."""
+        return SEARCH.local[0], SEARCH.local[0], SEARCH.local[1]
+
+    @property
+    def weight(self) -> float:
+        """Robust weight of an end point where observability is tested, at the width of the kernel: nearly 1/e [1]."""
+        return 1.0 / (1.0 + 1.0 + 1.0 / 2.0 + 1.0 / 6.0)
+
+    @property
+    def beams(self) -> int:
+        """Such a match has as many beams as a query has points [1]."""
+        return SEARCH.points
+
+    @property
+    def unheld(self) -> Vector3:
+        """Standard deviations in directions that the scans do not fix: the greatest drift [m, m, rad]."""
+        return DRIFT.most, DRIFT.most, math.pi
 
     @property
     def reach(self) -> float:
         """Old scans within this distance, in the same room, make the map [m]."""
         return 2.0 * DRIFT.room
+
+    @property
+    def nodes(self) -> float:
+        """Additional old scans per distance of a segment that is matched together: as dense as for one scan [1/m]."""
+        return SEARCH.nodes[0] / self.reach
 
     @property
     def partners(self) -> float:
@@ -366,19 +411,21 @@ class Loops:
     """When loop closures are searched and accepted, and the pose graph."""
 
     every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
-    every_found: float = tuned(0.7, "m", "Path between two searches after a result.", "time until a loop is closed")
-    linked: float = tuned(1.5, "m", "A node this close to a loop closure needs no other one. The centre of a turn is "
-                          "at most this far from its step.", "size of the graph")
     evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
                             "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
-    outlier: float = tuned(12.0, "1", "Squared residual that halves the weight of a loop closure.",
-                           "chi-squared with 3 degrees of freedom: 99.3 %")
     narrowing: float = tuned(8.0, "1", "Factor of the robust kernel from one iteration to the next.",
                              "number of iterations")
-    least_change: Vector2 = tuned((0.04, 0.01), "m, rad", "The maps are made again if a pose moves by more.",
-                                  "geometry: a cell of the usual map, at 4 m")
     searches: int = tuned(4, "1", "Searches of an extension per scan.", "longest time of a scan")
-    conclusions: int = tuned(3, "1", "Optimisations at the end of a run.", "time of the end")
+
+    @property
+    def least_change(self) -> Vector2:
+        """The maps are made again if a pose certainly moves by more than the error of a step [m, rad]."""
+        return MATCHING.certain * DRIFT.step[0], MATCHING.certain * DRIFT.step[2]
+
+    @property
+    def linked(self) -> float:
+        """A node this close to a loop closure needs no other one: it would be found by the same search [m]."""
+        return self.every
 
     @property
     def spacing(self) -> float:

@@ -151,9 +151,9 @@ def test_outlier_changes_nothing():
     data = tr.new_calibration(np.zeros(3))
     before, seen, jacobian = data.copy(), np.diag([1e4, 1e4, 1e4]), corrected(data, (0.5, 0.0, 0.0))[1]
     spread = np.sqrt((jacobian @ np.diag(np.square(tr.CALIBRATION_PRIOR)) @ jacobian.T)[0, 0] + 1e-4)
-    assert not ck.update(tr.calibration_of(data), jacobian, seen, seen @ [5.0 * spread, 0.0, 0.0])
+    assert not ck.update(tr.calibration_of(data), jacobian, seen, seen @ [4.0 * spread, 0.0, 0.0])
     assert (data == before).all()
-    assert ck.update(tr.calibration_of(data), jacobian, seen, seen @ [4.0 * spread, 0.0, 0.0])
+    assert ck.update(tr.calibration_of(data), jacobian, seen, seen @ [3.5 * spread, 0.0, 0.0])
 
 
 def arc(distance, turn):

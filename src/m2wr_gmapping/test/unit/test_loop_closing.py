@@ -121,7 +121,7 @@ def false_links(mapper, truth):
 def open_ring():
     """A mapper that has closed no loop, after a drive round a ring and a bit more, and the truth at its nodes."""
     mapper, truth = mapped(ring, 11, turn=0.4, loop_closing=False)
-    assert apart(mapper, truth).max() > 0.4          # otherwise this shows nothing
+    assert apart(mapper, truth).max() > 0.2          # otherwise this shows nothing
     return mapper, truth
 
 

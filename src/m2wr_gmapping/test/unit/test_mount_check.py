@@ -39,7 +39,8 @@ def test_yaw_and_position_are_told_apart():
 
 
 @pytest.mark.parametrize("values", [
-    dict(yaw=0.29), dict(yaw=0.8, yaw_deviation=0.27), dict(x=0.019, y=-0.019), dict(x=0.05, deviation=0.017), dict()])
+    dict(yaw=0.22), dict(yaw=0.8, yaw_deviation=0.27), dict(x=0.009, y=-0.009, deviation=0.001),
+    dict(x=0.05, deviation=0.017), dict()])
 def test_small_or_uncertain_differences_are_not_told(values):
     assert not MountCheck("base_link", "laser").messages(calibration(**values))
 

@@ -90,7 +90,7 @@ class Plain:
         if at_once or looks >= 20 or (self.way - way > [0.15, 0.1]).any():
             self.slip = None
             self.update_noise_scales(between(self.expected, self.rel), np.zeros(3))
-            self.begin_from(self.rel, np.square([0.05, 0.05, 0.03]))
+            self.begin_from(self.rel, np.square([0.05, 0.05, 0.02]))
 
     def update_noise_scales(self, error, variance):
         own, _ = self.parts(self.way)
@@ -106,7 +106,7 @@ class Plain:
                 heard = heard + (1.0 - heard) / (1.0 + self.heard[k, part])
             heard = heard * told[axes]
             share = heard.sum()
-            if share > 0.01:
+            if share > 0.0:
                 self.heard[k, part] += min(share, 1.0)
                 mean = (heard * excess[axes]).sum() / share
                 growth = 1.0 + min(share, 1.0) * mean / min(1.0 + self.heard[k, part], 10.0)

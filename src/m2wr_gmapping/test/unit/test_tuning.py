@@ -16,6 +16,7 @@ MODULES = sorted(path for folder in ("", "frontend", "filter", "backend", "io", 
 CONSTANTS, FOLLOWING = list(tuning.constants()), list(tuning.derived())
 #: Numbers of the mapper that are no tuning: another value gives the same map, or is an error.
 KEPT = {
+    "backend/loop_closing.py": {"MOST_CONCLUSIONS": "guard against an endless loop"},
     "backend/place_match.py": {"PINNED": "as good as infinite"},
     "backend/place_search.py": {"MARGIN": "size of a raster"},
     "backend/pose_graph.py": {"ITERATIONS": "solver", "MOST_ITERATIONS": "", "CONVERGED": ""},

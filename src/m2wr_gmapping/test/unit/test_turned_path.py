@@ -79,16 +79,32 @@ def test_without_a_turn_the_path_goes_straight_on(askew, missing, doubtful):
     assert len(mapper._history.doubtful) == doubtful
 
 
+@pytest.mark.parametrize("size, alike", [
+    ((6.0, 6.0), [True, True, True]), ((8.0, 4.0), [True, False, False])])
+def test_a_square_room_looks_alike_after_a_quarter_turn(size, alike):
+    x, y = 0.5 * np.array(size)
+    walls = np.array([(-x, -y, x, -y), (x, -y, x, y), (x, y, -x, y), (-x, y, -x, -y)])
+    laser = LaserModel.from_message(-math.pi, math.pi, math.pi / 120, 241, 0.05, 8.0)
+    path = np.zeros((6, 3))
+    path[:, 0] = np.linspace(-1.0, 0.0, 6)
+    seen = [laser.reading(ranges(walls, pose, laser.angles)) for pose in path]
+    assert list(turned_path.looks_alike(path, seen)) == alike
+
+
 @pytest.mark.parametrize("turn", [math.pi, 0.5 * math.pi, -0.5 * math.pi, 3.0])
 def test_fixed_point_tells_where_the_robot_was_turned(turn):
     path = np.array([[0.5 * k, 1.0, 0.0] for k in range(41)])
     place = np.append(path[20, :2], 0.0)
     correction = compose(compose(place, [0.0, 0.0, turn]), [-place[0], -place[1], 0.0])
     shift = np.full(len(path), 0.5)
-    assert turned_path.turned_node(path, [5, 20, 30], correction, shift) == 20
-    assert turned_path.turned_node(path, [5, 30], correction, shift) is None
+    alike = np.array([abs(turn - angle) < 0.5 for angle in turned_path.RIGHT_ANGLES])
+    doubts = [(5, alike), (20, alike), (30, alike), (21, ~alike)]
+    assert turned_path.turned_node(path, doubts, correction, shift) == 20
+    assert turned_path.turned_node(path, doubts[-1:], correction, shift) is None     # not alike after this turn
+    doubts = [(5, alike), (30, alike)]
+    assert turned_path.turned_node(path, doubts, correction, shift) is None
     shift[5] = 15.0     # so much drift may have moved the place
-    assert turned_path.turned_node(path, [5, 30], correction, shift) == 5
+    assert turned_path.turned_node(path, doubts, correction, shift) == 5
 
 
 def test_path_through_walls_is_not_consistent():

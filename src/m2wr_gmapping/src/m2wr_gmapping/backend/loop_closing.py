@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
 
 
+MOST_CONCLUSIONS = 10       # optimisations at the end of a run, should it never come to rest
+
+
 @dataclass(frozen=True)
 class Candidate:
     """Result of a wide search.
@@ -125,8 +128,7 @@ class LoopCloser:
         along = distances_along(path)
         here = along[-1]
         close = here - self._searched_at >= LOOPS.every and here - self._linked_at >= LOOPS.spacing
-        found_last = bool(self._candidates) and self._candidates[-1].along == self._wide_at
-        wide = here - self._wide_at >= (LOOPS.every_found if found_last else LOOPS.every)
+        wide = here - self._wide_at >= LOOPS.every
         has_moved = leads_far = False
         if (close or wide) and readings[-1].beams.shape[1] >= SEARCH.fewest:
             scene, near, far = self.graph.scene(path, along, readings, len(path) - 1)
@@ -163,7 +165,7 @@ class LoopCloser:
             self.graph.rejected = rejected
             return None
         self.graph.reject([link for link in links if link[1] >= node > link[0]])
-        self._history.doubtful.remove(node)
+        self._history.doubtful[:] = [doubt for doubt in self._history.doubtful if doubt[0] != node]
         self._pending, self._candidates, self._linked_at = None, [], along[-1]
         self._extension = LoopExtension(self.graph)
         self._extension.start_at([find.link for find in found])
@@ -254,7 +256,7 @@ class LoopCloser:
         """
         along = distances_along(path)
         opened, moved, result = False, True, None
-        for _ in range(LOOPS.conclusions if self.links else 0):
+        for _ in range(MOST_CONCLUSIONS if self.links else 0):
             bent = self._solve(path, opened)
             if bent is not None:
                 path = result = bent

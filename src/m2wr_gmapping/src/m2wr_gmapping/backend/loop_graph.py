@@ -13,7 +13,7 @@ from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
 from m2wr_gmapping.se2 import between, compose, wrap
-from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, SEARCH
+from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -278,7 +278,7 @@ class LoopGraph:
         information = np.concatenate([self._history.information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
-        bent, weights = optimise(path, pairs, measured, information, robust, LOOPS.outlier, opened)
+        bent, weights = optimise(path, pairs, measured, information, robust, MATCHING.outlier, opened)
         contradicted = weights[count - 1:] < LOOPS.least_weight
         if contradicted.any():
             self.reject([link for link, wrong in zip(self.links, contradicted) if wrong])

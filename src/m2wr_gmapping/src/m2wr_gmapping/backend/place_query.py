@@ -61,7 +61,21 @@ def wide_query(path: FloatArray, along: FloatArray, readings: Sequence[ScanReadi
     -------
     (2, Q) float64
     """
-    points = query_points(path, along, readings, reach)
+    return few_points(query_points(path, along, readings, reach))
+
+
+def few_points(points: FloatArray) -> FloatArray:
+    """Return few of the points, evenly distributed over the area that was seen.
+
+    Parameters
+    ----------
+    points : (2, Q) float64
+        Points [m].
+
+    Returns
+    -------
+    (2, M) float64
+    """
     return thinned(spread_out(points, SEARCH.spacing), SEARCH.points)
 
 

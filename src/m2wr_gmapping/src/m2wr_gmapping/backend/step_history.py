@@ -17,12 +17,14 @@ from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import DRIFT
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
 #: Measured pose (3,) of a node from the one before, its information (3, 3), position variance [m^2], record.
 Step = Tuple["FloatArray", "FloatArray", float, "FloatArray"]
+#: Node to which the robot may have turned in an unknown way; (3,) bool, after which right angles the place looks alike.
+Doubt = Tuple[int, "BoolArray"]
 
 
 class StepHistory:
@@ -32,15 +34,15 @@ class StepHistory:
     ----------
     count : int
         Number of nodes.
-    doubtful : list of int
-        Nodes to which the robot may have turned in an unknown way.
+    doubtful : list of Doubt
+        Steps on which the robot may have turned in an unknown way.
     """
 
     def __init__(self) -> None:
         self._records = np.zeros((FIRST_STEPS, RECORD_SIZE))
         self._information, self._variances = np.zeros((FIRST_STEPS, 3, 3)), np.zeros(FIRST_STEPS)
         self._measured: List[FloatArray] = []       # pose of each node from the one before, [0] unused
-        self.doubtful: List[int] = []
+        self.doubtful: List[Doubt] = []
         self.count, self._checked_at = 1, 0
 
     def next_record(self) -> FloatArray:
@@ -100,9 +102,12 @@ class StepHistory:
         changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / DRIFT.calibration, change)
         return compose(np.array(self._measured[:count]), change)
 
-    def mark_doubtful(self) -> None:
-        """Tell that the robot may have turned in an unknown way on the step to the newest node."""
-        self.doubtful.append(self.count - 1)
+    def mark_doubtful(self, alike: BoolArray) -> None:
+        """Tell that the robot may have turned in an unknown way on the step to the newest node.
+
+        ``alike``, (3,) bool: after which right angles the place looks alike (``turned_path.looks_alike``).
+        """
+        self.doubtful.append((self.count - 1, alike))
 
     def step(self, node: int) -> Step:
         """Return the step to a node."""

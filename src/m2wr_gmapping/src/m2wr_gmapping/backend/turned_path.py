@@ -3,8 +3,9 @@
 
 A corridor looks the same after half a turn, a square room after a quarter. If the robot is turned there while scans
 are missing, every later pose is rotated about that place, and places appear a second time, rotated. Only steps without
-scans are in doubt on which odometry and laser did not agree, or on which scans are seldom missing: a building with
-equal wings looks the same.
+scans are in doubt on which odometry and laser did not agree, or on which scans are seldom missing, and steps on which
+the pose was searched in all directions; and only turns after which the place looks alike. A building with equal wings
+looks the same.
 """
 from __future__ import annotations
 
@@ -17,16 +18,17 @@ import numpy as np
 from m2wr_gmapping.backend import place_search
 from m2wr_gmapping.backend.loop_graph import is_observed, is_within, link_of
 from m2wr_gmapping.backend.occlusion import is_contradicted
-from m2wr_gmapping.backend.place_query import evenly, wide_query
+from m2wr_gmapping.backend.place_query import evenly, few_points, wide_query
 from m2wr_gmapping.backend.place_search import near_places
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.se2 import between, compose, inverse, wrap
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray, Uint8Array
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
+    from m2wr_gmapping.backend.step_history import Doubt
     from m2wr_gmapping.frontend.scan import ScanReading
 
 RIGHT_ANGLES = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
@@ -68,7 +70,7 @@ class TurnedPath:
         self._searched_at = 0.0
 
     def search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-               doubtful: List[int]) -> Optional[List[TurnedFind]]:
+               doubtful: List[Doubt]) -> Optional[List[TurnedFind]]:
         """Search at the newest node; return the results that agree on a turn, once there are enough.
 
         Parameters
@@ -79,32 +81,33 @@ class TurnedPath:
             Length of the path up to each node [m].
         readings : sequence of K ScanReading
             Scans of the path's nodes.
-        doubtful : list of int
-            Nodes to which the robot may have turned. Those that loop closures have settled are removed.
+        doubtful : list of Doubt
+            Steps on which the robot may have turned. Those that loop closures have settled are removed.
 
         Returns
         -------
         list of TurnedFind or None
         """
         here = along[-1]
-        if here - self._searched_at < LOOPS.every_found:
+        if here - self._searched_at < LOOPS.every:
             return None
-        doubtful[:] = [node for node in doubtful if not self._is_settled(path, node)]
+        doubtful[:] = [doubt for doubt in doubtful if not self._is_settled(path, doubt[0])]
         # the newest scans have to be from after the turn, and the oldest from before
-        nodes = [node for node in doubtful if SEARCH.path < along[node] < here - SEARCH.path]
-        if not nodes:
+        doubts = [doubt for doubt in doubtful if SEARCH.path < along[doubt[0]] < here - SEARCH.path]
+        if not any(alike.any() for _, alike in doubts):
             return None
         follows = bool(self._finds) and self._finds[-1].along == self._searched_at
-        if here - self._searched_at < (LOOPS.every_found if follows else LOOPS.spacing):
+        if not follows and here - self._searched_at < LOOPS.spacing:
             return None
         self._searched_at = here
         shift, turn = self._graph.drift(path, len(path) - 1)
         found = None
         if self._finds:         # the place of the newest scans after the last turn found is known already
-            found = self._verify(path, along, readings, nodes, shift, self._finds[-1].correction)
+            found = self._verify(path, along, readings, doubts, shift, self._finds[-1].correction)
         if found is None:
+            nodes = [node for node, _ in doubts]
             correction = self._coarse(path, along, readings, nodes, shift, float(turn[nodes].max()))
-            found = None if correction is None else self._verify(path, along, readings, nodes, shift, correction)
+            found = None if correction is None else self._verify(path, along, readings, doubts, shift, correction)
         if found is None:
             return None
         self._finds = [find for find in self._finds if here - find.along < TURNS.memory] + [found]
@@ -126,7 +129,8 @@ class TurnedPath:
                 nodes: List[int], shift: FloatArray, turn: float) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node.
 
-        The window is the drift since the turn, ``shift`` against all nodes [m] and ``turn`` [rad].
+        All right angles at all nodes compete, those too after which the place does not look alike. The window is the
+        drift since the turn, ``shift`` against all nodes [m] and ``turn`` [rad].
         """
         last, newest = nodes[-1], path[-1]
         query = wide_query(path, along, readings, SEARCH.path)
@@ -147,10 +151,10 @@ class TurnedPath:
             min(turn, 0.25 * math.pi), SEARCH.cells[1], allowed, RIGHT_ANGLES)
         return compose(best[:3], inverse(newest)) if place_search.is_unique(best) else None
 
-    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], nodes: List[int],
+    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], doubts: List[Doubt],
                 shift: FloatArray, correction: FloatArray) -> Optional[TurnedFind]:
         """Search again with the path after a turn by ``correction``, against the scans before the turn only."""
-        node = turned_node(path, nodes, correction, shift)
+        node = turned_node(path, doubts, correction, shift)
         if node is None:
             return None
         turned = turned_after(path, node, correction)
@@ -181,6 +185,30 @@ class TurnedPath:
             return False
         reference = evenly(reference, SEARCH.nodes[1])
         return place_search.score_here(query, path, reference, readings) > SEARCH.rival * score
+
+
+def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
+    """Return after which of RIGHT_ANGLES the newest scan fits the older ones as well as at its present pose, (3,) bool.
+
+    A turn after which it fits worse would have been noticed. A scan with few end points fits after each.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    """
+    newest = path[-1]
+    query = few_points(readings[len(path) - 1].points)
+    around = np.flatnonzero(np.hypot(*(path[:-1] - newest)[:, :2].T) < SEARCH.reach)
+    if query.shape[1] < SEARCH.fewest or not len(around):
+        return np.ones(len(RIGHT_ANGLES), bool)
+    reference = evenly(around, SEARCH.nodes[1])
+    least = SEARCH.rival * place_search.score_here(query, path, reference, readings)
+    scores = [place_search.coarse_search(newest, query, path, reference, readings, DRIFT.room, DRIFT.least[1],
+                                         SEARCH.cells[1], None, (angle,))[3] for angle in RIGHT_ANGLES]
+    return np.array([score >= least for score in scores])
 
 
 def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
@@ -227,20 +255,25 @@ def turned_after(path: FloatArray, node: int, correction: FloatArray) -> FloatAr
     return turned
 
 
-def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray, shift: FloatArray) -> Optional[int]:
+def turned_node(path: FloatArray, doubts: Sequence[Doubt], correction: FloatArray,
+                shift: FloatArray) -> Optional[int]:
     """Return the node on the way to which the robot was turned, or None if it was at none then.
 
     Parameters
     ----------
     path : (K, 3) float64
         Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    nodes : list of int
-        Candidates.
+    doubts : sequence of Doubt
+        Steps on which the robot may have turned.
     correction : (3,) float64
         Transform of the poses after the turn; it does not move the place of the turn.
     shift : (K,) float64
         Drift of the newest node against each node [m].
     """
+    turn = int(np.argmin([abs(wrap(correction[2] - angle)) for angle in RIGHT_ANGLES]))
+    nodes = [node for node, alike in doubts if alike[turn]]
+    if not nodes:
+        return None
     distance = np.hypot(*(compose(correction, path[nodes]) - path[nodes])[:, :2].T) - shift[nodes]
     best = int(np.argmin(distance))
     return nodes[best] if distance[best] <= DRIFT.room else None

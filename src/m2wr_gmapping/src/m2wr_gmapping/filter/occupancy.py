@@ -100,12 +100,11 @@ class Occupancy:
         readings : sequence of K ScanReading
             Scans of the path's nodes.
         exact : bool
-            Whether scans that moved by less than a third of a cell are traced again.
+            Whether scans that moved by less than the error of a step are traced again.
         """
         nodes = np.asarray(path, float)
         known = min(len(self._poses), len(nodes))
-        near = tuning.PARTICLES.same[0] * self._resolution
-        limit = 0.0 if exact else np.array([near, near, tuning.PARTICLES.same[1]])
+        limit = 0.0 if exact else np.array(tuning.PARTICLES.same)
         kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map

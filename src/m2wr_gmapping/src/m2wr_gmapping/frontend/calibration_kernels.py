@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.track import Calibration
 
-MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.CALIBRATION.outlier
+MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.MATCHING.outlier
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

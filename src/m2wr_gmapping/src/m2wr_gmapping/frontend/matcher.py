@@ -60,7 +60,6 @@ class FastMatcher:
         self._settings[mk.FREE] = tuning.SCANS.slide
         self._particle_settings = self._settings.copy()
         self._particle_settings[mk.WIDE] = NARROW
-        self._particle_settings[mk.ROUNDS] = tuning.MATCHING.particle_rounds
 
     def match(self, maps: TileMaps, reading: ScanReading, starts: FloatArray, predictions: FloatArray,
               prior: FloatArray, minimum_score: float) -> FloatArray:
@@ -188,7 +187,7 @@ class FastMatcher:
             return row, NO_SLIP
         best += occlusion_cost(denied.mutual, count)
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
-        plain, wide = row[:3], np.square(window / tuning.SLIPS.deviations)[[0, 0, 1]]
+        plain, wide = row[:3], np.square(window / tuning.DRIFT.deviations)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
         continues = np.abs(between(expected, start)).max() > tuning.SLIPS.left[0]
         for centre in (expected, start) if continues else (expected,):
@@ -216,7 +215,7 @@ class FastMatcher:
         must be below ``least_cost`` and its conflict at most ``most_conflict``.
         """
         found, good = None, tuning.MATCHING.good_share * reading.beams.shape[1]
-        variances = np.square(TURN_WINDOW / tuning.SLIPS.deviations)[[0, 0, 1]]
+        variances = np.square(TURN_WINDOW / tuning.DRIFT.deviations)[[0, 0, 1]]
         for k in range(tuning.SLIPS.sectors):
             centre = expected + [0.0, 0.0, 2.0 * math.pi * k / tuning.SLIPS.sectors]
             begin = self.search(maps, particle, reading, centre, TURN_WINDOW)

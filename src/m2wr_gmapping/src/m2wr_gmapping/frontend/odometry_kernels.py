@@ -16,7 +16,6 @@ CROSS = tuning.CROSS_NOISE
 MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor
 MEMORY, FIRST_MEMORY = tuning.ODOMETRY.memory
 MAX_ERROR_RATIO = tuning.MATCHING.certain**2        # greatest ratio of squared error to expectation
-MIN_SCALE_INFORMATION = tuning.ODOMETRY.least_information
 MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.scale
 
 
@@ -142,7 +141,7 @@ def update_noise_scales(noise: Noise, error: Tuple[float, float, float], varianc
                     own += (1.0 - own) / (1.0 + noise.evidence[0, part])
                 share += observed * own
                 weighted += observed * own * excess
-            if share > MIN_SCALE_INFORMATION:
+            if share > 0.0:
                 noise.evidence[k, part] += min(share, 1.0)
                 memory = min(FIRST_MEMORY + noise.evidence[k, part], MEMORY)
                 scale = noise.scale[k, part] * math.sqrt(1.0 + min(share, 1.0) * (weighted / share) / memory)

@@ -43,12 +43,18 @@ class Tracker:
         Whether all scans are matched, so that a slip of the wheels can be confirmed.
     mount : (3,) float64
         Pose of the centred laser in the base frame [m, m, rad].
+
+    Attributes
+    ----------
+    has_turned : bool
+        Whether since the last processed scan the pose was found in all directions, far from odometry.
     """
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray) -> None:
         self._matcher, self._dense = matcher, dense
         self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
         self._ask = np.zeros(REQUEST_SIZE)
+        self.has_turned = False
 
     @property
     def track(self) -> Track:
@@ -68,6 +74,7 @@ class Tracker:
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
         tk.restart(self._track)
+        self.has_turned = False
 
     def relax_prior(self) -> None:
         """Allow the next match to correct the pose by some cells."""
@@ -154,6 +161,7 @@ class Tracker:
             return False
         long = tk.expect(self._track, self._noise, anchor, self._ask)
         row, slip = self._matcher.track(maps, particle, reading, ask, long, conflict)
+        self.has_turned |= slip == LARGE_SLIP
         tk.accept_match(self._track, self._noise, anchor, row, bool(slip),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True

@@ -14,7 +14,7 @@ import numpy as np
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.matcher import WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_file, state_layout
 from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.io.state_file import StateError
@@ -182,7 +182,7 @@ def _mapper(config: GmappingConfig, store: Store) -> Mapper:
 def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: FloatArray) -> float:
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
     particles = mapper.particles
-    found = matcher.search(particles.maps, particles.best, reading, pose, np.array(MATCHING.start_window))
+    found = matcher.search(particles.maps, particles.best, reading, pose, WINDOW_MOST)
     row = matcher.match_one(particles.maps, particles.best, reading, found, found, 1.0 / np.square(LINKS.prior))
     return float(row[mk.SCORE]) / reading.beams.shape[1]
 
@@ -196,7 +196,7 @@ def _is_odometry_reset(mapper: Mapper, reading: ScanReading, odom_pose: FloatArr
     if not isinstance(matcher, FastMatcher) or not reading.beams.shape[1]:
         return False
     step = between(mapper.odometry, odom_pose)
-    across, turn = MATCHING.start_window
+    across, turn = WINDOW_MOST
     if math.hypot(step[0], step[1]) <= across and abs(step[2]) <= turn:
         return False
     last = _fit(mapper, matcher, reading, mapper.pose)

@@ -74,7 +74,7 @@ OCCUPANCY = Part({
 GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
-    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(NODE),
+    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(Group(NODE, Array("bool", "3"))),
     "_checked_at": COUNT}, ("count",))
 GRAPH = Part({"links": Many(LINK), "rejected": Many(Group(NODE, NODE)), "searches": COUNT, "closures": COUNT},
              ("_matcher", "_resolution", "_history", "_link_nodes"))
@@ -88,7 +88,7 @@ LOOPS = Part({
     "wide_searches": COUNT}, ("_history",))
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
-    "_calibration": Array("float64", str(tr.CALIBRATION_SIZE))}, ("_matcher", "_dense", "_ask"))
+    "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES}, ("_matcher", "_dense", "_ask"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({"surprise": REAL, "longest": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL})
 LEVEL = Part({
