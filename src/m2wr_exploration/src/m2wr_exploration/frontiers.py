@@ -257,7 +257,7 @@ def look(costmap: Costmap, robot: FloatArray, least: float, radius: float = 0.0,
     made = [_frontier(costmap, robot, distance, part, _beside(part, distance)) for part in enough]
     if corner > 0.0:
         made += _corners(costmap, costmap.costs if known is None else aligned(known, costmap), robot, distance, corner,
-                         groups, start)
+                         enough, start)
     found = [frontier for frontier in made if frontier is not None]
     return View(costmap, passable, robot, distance, found, count - len(enough))
 
@@ -290,10 +290,10 @@ def aligned(known: Costmap, costmap: Costmap) -> Uint8Array:
 
 
 def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Float32Array, least: float,
-             groups: Int32Array, start: Tuple[int, int]) -> List[Optional[Frontier]]:
+             pursued: List[IndexArray], start: Tuple[int, int]) -> List[Optional[Frontier]]:
     """Return the frontiers at known free space that is too narrow for the robot, but that it can look into.
 
-    Those at the ends of other frontiers are left: they are seen with these. Some are not narrow: beams without an end
+    Those at the ends of wide frontiers are left: they are seen with these. Some are not narrow: beams without an end
     have cleared their cells in the costmap, and they are only unknown in the map. The robot drives into these.
     """
     near = np.empty(costmap.shape, np.float32)
@@ -301,7 +301,7 @@ def _corners(costmap: Costmap, seen: Uint8Array, robot: FloatArray, distance: Fl
     costs = np.where(near <= SLIT, np.uint8(LETHAL), seen)
     free, _ = wave_kernels.connected(costs, _NOT_LETHAL, start)
     other, count = frontier_kernels.frontier_groups(costs, np.where(free == 1, np.float32(0), np.float32(np.inf)))
-    taken = np.unique(other[(groups > 0) & (other > 0)])
+    taken = {number for part in pursued for number in other[part[:, 0], part[:, 1]].tolist()}
     reach = CLOSE / costmap.resolution
     around, made = int(math.ceil(reach)) + 1, []
     for part in _parts(other, count):

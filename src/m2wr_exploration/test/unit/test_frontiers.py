@@ -137,3 +137,15 @@ def test_a_hole_that_the_costmap_has_cleared_is_driven_into():
     row, column = view.frontiers[0].goal_cell
     assert 30 <= row <= 34 and 33 <= column <= 37
     assert np.isfinite(view.frontiers[0].path)
+
+
+def test_a_corner_counts_if_only_its_tip_is_wide():
+    """A strip along a wall is too narrow for the robot, but for one cell, which is too small for a frontier."""
+    costmap = grid("\n".join(["#" * 60] + ["#" + "." * 58 + "#"] * 58 + ["#" * 60]), 0.05)
+    costmap.costs[10:40, 1:5] = 255
+    costmap.costs[25, 5:8] = 255
+    wide = look(costmap, INSIDE, 0.0, 0.35)
+    assert [frontier.size < 0.25 for frontier in wide.frontiers] == [True]
+    view = look(costmap, INSIDE, 0.25, 0.35, 0.5)
+    assert len(view.frontiers) == 1 and view.small == 1
+    assert view.frontiers[0].size > 1.0 and not view.frontiers[0].beside
