@@ -44,6 +44,13 @@ def test_of_two_that_meet_the_first_continues_the_other_stops():
     assert allowed(near, still, [(0.5, 0.0)] * 2, OUTLINE, PERIOD) == [(0.0, 0.0)] * 2
 
 
+def test_a_robot_that_faces_another_one_may_turn_away():
+    poses = [np.zeros(3), np.array([0.41 + 0.27 + CLEARANCE + 0.018, 0.0, 0.0])]
+    still = [np.zeros(2)] * 2
+    assert allowed(poses, still, [(0.5, 0.0), (0.0, 0.0)], OUTLINE, PERIOD)[0] == (0.0, 0.0)
+    assert allowed(poses, still, [(0.5, -0.4), (0.0, 0.0)], OUTLINE, PERIOD)[0] == (0.0, -0.4)
+
+
 def test_two_that_are_too_near_may_part():
     poses = [np.zeros(3), np.array([0.82 + 0.5 * CLEARANCE, 0.0, np.pi])]
     found = allowed(poses, [np.zeros(2)] * 2, [(-0.15, 0.0), (0.15, 0.0)], OUTLINE, PERIOD)

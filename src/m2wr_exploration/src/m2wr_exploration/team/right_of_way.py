@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 CLEARANCE = 0.1             # m: between two sweeps; two cells of the costmap, in which the other robot is drawn
 BRAKES = np.array([1.0, 3.0])   # m/s^2, rad/s^2: accelerations of the controller, acc_lim_x and acc_lim_theta
 SAMPLED = 0.05              # s between two poses of a sweep: 2.5 cm at 0.5 m/s
-SHARES = (1.0, 0.5, 0.25)   # of the wanted command that are tried before the robot stops
+SHARES = (1.0, 0.5, 0.25)   # of the wanted command, and then of its turn alone, that are tried before the robot stops
 ROUNDING = 1e-3             # m
 
 
@@ -67,7 +67,7 @@ def allowed(poses: Sequence[FloatArray], velocities: Sequence[FloatArray], wante
     Returns
     -------
     list of (float, float)
-        The wanted command, a slower one on the same arc, or (0, 0).
+        The wanted command, a slower one on the same arc, a turn on the spot in its sense, or (0, 0).
     """
     taken = [sweep(pose, velocity, (0.0, 0.0), period) for pose, velocity in zip(poses, velocities)]
     result = []
@@ -76,11 +76,20 @@ def allowed(poses: Sequence[FloatArray], velocities: Sequence[FloatArray], wante
         chosen = (0.0, 0.0)
         # two that are too near already may part
         needed = [least_gap(pose[None], other, outline, CLEARANCE) - ROUNDING for other in others]
-        for share in SHARES if any(command) else ():
-            tried = share * command[0], share * command[1]
+        for tried in _slower(command):
             made = sweep(pose, velocities[number], tried, period)
             if all(least_gap(made, other, outline, CLEARANCE) >= gap for other, gap in zip(others, needed)):
                 chosen, taken[number] = tried, made
                 break
         result.append(chosen)
     return result
+
+
+def _slower(command: Tuple[float, float]) -> List[Tuple[float, float]]:
+    """Return a command and what may stand in for it, the best one first; none if it is to stop.
+
+    A robot that faces another one may not drive on along its arc, however slowly, but it can turn away.
+    """
+    speed, rate = command
+    arcs = [(share * speed, share * rate) for share in SHARES] if speed or rate else []
+    return arcs + ([(0.0, share * rate) for share in SHARES] if speed and rate else [])
