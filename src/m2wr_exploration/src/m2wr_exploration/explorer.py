@@ -91,12 +91,15 @@ class Teammate:
         Centres of frontiers that it set aside, and does not bid for now [m]; None: there are none.
     goal : (2,) float64 or None
         Place to which it drives, to look at its target [m]; None: it does not drive.
+    retries : bool
+        Whether it has nothing to do now, but will try frontiers again that it has set aside.
     """
 
     place: FloatArray
     target: Optional[FloatArray] = None
     refused: Optional[FloatArray] = None
     goal: Optional[FloatArray] = None
+    retries: bool = False
 
     def refuses(self, frontier: Frontier) -> bool:
         """Return whether it does not bid for a frontier."""
@@ -128,6 +131,7 @@ class Explorer:
         self.target: Optional[Frontier] = None
         self.aside = SetAside(SAME_FRONTIER, values["retry_after"], values["tries"])
         self.summary = ""
+        self.retries = False                # whether all that is left was set aside, and will be tried again
         self._goal: Optional[FloatArray] = None
         self._narrow = False                # whether a narrow way may lead to the target
         self._start: Optional[FloatArray] = None
@@ -138,6 +142,7 @@ class Explorer:
         self._best = self._path = math.inf  # m: the shortest path to the goal since the last detour, and that of now
         self._progress, self._detours = 0.0, 0
         self._empty_since: Optional[float] = None
+        self._left: List[FloatArray] = []   # (2,) float64 [m]: centres of frontiers that it has left to the others
         self._known, self._grew = -math.inf, 0.0
         self._area = self._reachable = 0.0  # m^2: that can be reached now, and once on wide ways
         self._told = ""
@@ -170,6 +175,7 @@ class Explorer:
         if self._start is None:
             self._start, self._began = np.array(pose, float), now
         messages: List[str] = []
+        self.retries = False
         if self.state == DONE:
             return Decision(state=DONE)
         if self.state == RETURNING:
@@ -373,23 +379,26 @@ class Explorer:
         return cell is not None and bool(np.isfinite(self.view.distance[cell])
                                          and now.path > self.view.distance[cell] - CLOSER)
 
-    @staticmethod
-    def _auctioned(view: View, frontiers: List[Frontier], others: Sequence[Teammate]) -> Optional[Frontier]:
+    def _auctioned(self, view: View, frontiers: List[Frontier], others: Sequence[Teammate]) -> Optional[Frontier]:
         """Return the frontier that an auction gives to this robot; None: the others take all.
 
-        Frontiers to which teammates drive are theirs, unless this robot is nearer by CLOSER.
+        Frontiers to which teammates drive are theirs, unless this robot is nearer by CLOSER. One that was left to
+        teammates the last time, and that none has taken, is not left again: as maps differ, all may wait.
         """
+        offered = [any(np.hypot(*(frontier.centre - place)) < SAME_FRONTIER for place in self._left)
+                   for frontier in frontiers]
         costs = [[frontier.path for frontier in frontiers]]
         for other in others:
             field = None if other.target is not None else _field(view, other)
             if field is not None:
-                costs.append([math.inf if other.refuses(frontier) else float(field[frontier.goal_cell])
-                              for frontier in frontiers])
+                costs.append([math.inf if before or other.refuses(frontier) else float(field[frontier.goal_cell])
+                              for frontier, before in zip(frontiers, offered)])
         claims = [other.target for other in others if other.target is not None and not any(
             other.drives_to(frontier) and frontier.path < _way(view, other, frontier) - CLOSER
             for frontier in frontiers)]
         found = assign(np.array(costs), np.array([frontier.centre for frontier in frontiers]),
                        np.array(claims).reshape(-1, 2), AUCTION_REACH)
+        self._left = [frontier.centre for frontier in frontiers] if found[0] < 0 else []
         return None if found[0] < 0 else frontiers[found[0]]
 
     def _wait(self, pose: FloatArray, others: Sequence[Teammate], messages: List[str], why: str) -> Decision:
@@ -413,13 +422,13 @@ class Explorer:
     def _nothing_left(self, now: float, pose: FloatArray, inside: List[Frontier], messages: List[str], costmap: Costmap,
                       others: Sequence[Teammate]) -> Decision:
         """Wait for teammates, for frontiers that may be tried later, and for ways that may open; or end."""
-        if any(other.goal is not None for other in others):
+        if any(other.goal is not None or other.retries for other in others):
             self._empty_since = None
             return self._wait(pose, others, messages, "no frontier is left for this robot; it waits for the others")
         cancel = self._goal is not None
         self.target, self._goal = None, None
         if any(self.aside.may_later(frontier) for frontier in inside) or self.aside.waits(now, costmap):
-            self._empty_since = None
+            self._empty_since, self.retries = None, True
             messages += self._once("all frontiers that are left were set aside; they will be tried again")
             return Decision(cancel=cancel, messages=tuple(messages))
         self._empty_since = now if self._empty_since is None else self._empty_since

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exploration_grids import World, grid
-from m2wr_exploration.explorer import DONE, PARAMETERS, RETURNING, Explorer
+from m2wr_exploration.explorer import DONE, EXPLORING, PARAMETERS, RETURNING, Explorer, Teammate
 from m2wr_exploration.frontiers import Frontier, View
 from m2wr_exploration.registry import find
 from m2wr_navigation.parameters import read
@@ -244,6 +244,43 @@ def test_the_robot_returns_to_where_it_began():
     decisions, pose = run(explorer(return_to_start=True), World(HOUSE))
     assert pose == pytest.approx(START) and "back at its start" in texts(decisions)[-1]
     assert any(decision.state == RETURNING for decision in decisions)
+
+
+def test_no_robot_ends_while_a_teammate_will_try_again():
+    """It would stand in the way of the other one, and make no room."""
+    world, made = World(HOUSE), explorer()
+    world.known.costs[:] = world.truth.costs
+    waits = [Teammate(np.array([1.5, 1.0]), retries=True)]
+    for now in range(20):
+        assert made.step(float(now), world.known, np.array(START), others=waits).state == EXPLORING
+    gone = [Teammate(np.array([1.5, 1.0]))]
+    assert [made.step(now, world.known, np.array(START), others=gone).state for now in (20.0, 30.0)][-1] == DONE
+
+
+def test_a_frontier_that_no_teammate_takes_is_not_left_again(monkeypatch):
+    """Maps of robots differ, so each may take another one for nearer: four waited for each other without an end."""
+    view, made = end_of_a_wall(AHEAD, False), explorer()
+    monkeypatch.setattr("m2wr_exploration.explorer.look", lambda *_: view)
+    nearer, pose = Teammate(np.array(AHEAD)), np.array((2.75, 1.25, 1.5))
+    first = made.step(0.0, view.costmap, pose, others=[nearer])
+    assert first.goal is None and "this one waits" in first.messages[-1]
+    assert tuple(made.step(1.0, view.costmap, pose, others=[nearer]).goal[:2]) == AHEAD
+
+
+def test_a_frontier_that_a_teammate_takes_is_left(monkeypatch):
+    view, made = end_of_a_wall(AHEAD, False), explorer()
+    monkeypatch.setattr("m2wr_exploration.explorer.look", lambda *_: view)
+    place, centre = np.array(AHEAD), view.frontiers[0].centre
+    for now, mate in enumerate([Teammate(place)] + 3 * [Teammate(place, centre, goal=place)]):
+        assert made.step(float(now), view.costmap, np.array((2.75, 1.25, 1.5)), others=[mate]).goal is None
+
+
+def test_a_robot_that_will_try_again_says_so():
+    made, world = explorer(retry_after=50.0, tries=2), World(HOUSE)
+    world.see(*START[:2])
+    said = [(made.step(float(now), world.known, np.array(START), "aborted" if now else ""), made.retries)
+            for now in range(40)]
+    assert said[-1][1] and said[-1][0].state == EXPLORING and not said[0][1]
 
 
 def test_a_return_that_fails_ends_too():
