@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, Explorer, Teammate
 from m2wr_exploration.team.making_room import DETOUR, disc
+from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.placing import Placing
+from m2wr_exploration.team.right_of_way import allowed
+from m2wr_gmapping.se2 import compose
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint import placed
 
@@ -144,7 +147,7 @@ class Crew:
             goal = member.explorer.looks_at
             found.append(Teammate(placed(member.place, frame), None if claim is None else placed(claim, frame),
                                   placed(member.explorer.aside.refused(now), frame),
-                                  None if goal is None else placed(goal, frame)))
+                                  None if goal is None else placed(goal, frame), member.explorer.retries))
         return found
 
     def share(self, number: int) -> None:
@@ -189,6 +192,67 @@ class Crew:
             else:
                 occupancy[disc(known, place, BODY)] = 100
         return occupancy
+
+    def merged(self, number: int, maps: Mapping[int, Costmap], starts: Sequence[FloatArray],
+               frame: str) -> Optional[Costmap]:
+        """Return the map of all robots of a group in the frame in which a robot plans; None: there is none.
+
+        Parameters
+        ----------
+        number : int
+        maps : mapping of int to Costmap
+            By robot, each in its own frame.
+        starts : sequence of (3,) float64
+            Poses of these frames in those in which the robots plan [m, m, rad].
+        frame : str
+            Name of the frame in which the robot plans.
+
+        Raises
+        ------
+        ValueError
+            If the merged map would be too large.
+        """
+        frames = {other: self.placing.relative(number, other) for other in maps}
+        there = [(maps[other], compose(pose, starts[other])) for other, pose in frames.items() if pose is not None]
+        return merge([costmap for costmap, _ in there], [pose for _, pose in there], frame) if there else None
+
+    def commands(self, poses: Mapping[int, FloatArray], velocities: Mapping[int, FloatArray],
+                 wanted: Mapping[int, Tuple[float, float]], outline: FloatArray,
+                 period: float) -> Mapping[int, Tuple[float, float]]:
+        """Return the commands that robots may take, those with lesser numbers first.
+
+        Each keeps apart from those of its group: where others are, it does not know.
+
+        Parameters
+        ----------
+        poses : mapping of int to (3,) float64
+            By robot, each in the frame in which it plans [m, m, rad].
+        velocities, wanted
+            By robot, for each of ``poses``; as for :func:`m2wr_exploration.team.right_of_way.allowed`.
+        outline, period
+            As there.
+        """
+        placing = self.placing                  # it may be replaced at any time
+        found: Dict[int, Tuple[float, float]] = {}
+        for group in sorted({placing.groups[number] for number in poses}):
+            members = [number for number in sorted(poses) if placing.groups[number] == group]
+            found.update(zip(members, allowed(
+                [compose(placing.frames[number], poses[number]) for number in members],
+                [velocities[number] for number in members], [wanted[number] for number in members], outline, period)))
+        return found
+
+    def teammates(self, number: int, poses: Mapping[int, FloatArray]) -> List[FloatArray]:
+        """Return the poses of the others, as far as they are known, in the frame in which a robot plans [m, m, rad].
+
+        Parameters
+        ----------
+        number : int
+        poses : mapping of int to (3,) float64
+            By robot, each in the frame in which it plans [m, m, rad].
+        """
+        placing = self.placing
+        found = [(placing.relative(number, other), pose) for other, pose in poses.items() if other != number]
+        return [compose(frame, pose) for frame, pose in found if frame is not None]
 
     # ---- robots that do not answer
 

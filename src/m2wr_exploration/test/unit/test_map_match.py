@@ -12,6 +12,7 @@ from m2wr_exploration.frontier_kernels import visible
 from m2wr_exploration.frontiers import distances
 from m2wr_exploration.study.scenes import buildings
 from m2wr_exploration.team.map_match import match
+from m2wr_exploration.team.merge_kernels import draw_coarse
 from m2wr_exploration.team.merging import merge
 from m2wr_navigation.costmap.cost_layout import INSCRIBED
 from m2wr_navigation.costmap.costmap import Costmap
@@ -76,6 +77,23 @@ def test_a_room_with_a_door_off_the_middle_is_found():
     assert found.pose[:2] == pytest.approx(POSE[:2], abs=0.1)
 
 
+def test_one_wall_off_the_middle_tells_two_directions_apart():
+    one = room(10.0, 6.0)
+    one.costs[11:71, 60] = 254          # 3 m of the 35 m of wall
+    found = match(merge([one], [POSE]), one)
+    assert found.confidence >= 1.0
+    assert found.pose[:2] == pytest.approx(POSE[:2], abs=0.1)
+
+
 def test_maps_without_walls_are_refused():
     empty = Costmap(np.zeros((50, 50), np.uint8), 0.05, np.zeros(2), "map")
     assert "of wall" in match(empty, empty).reason
+
+
+def test_coarse_image_has_obstacles_and_what_is_beside_them():
+    image = np.zeros((8, 8), np.complex64)
+    obstacles, free = np.array([(5.1, 5.1)]), np.array([(6.1, 5.1), (8.1, 5.1)])
+    draw_coarse(image, obstacles, free, np.full(2, 5.0), 0.5 * math.pi, 1.0)
+    assert image[0, 7] == 1.0 + 1.0j                # (-0.1, 0.1) after the rotation, over the edge
+    assert image[1, 7] == 0.5 and image[7, 0] == 0.5    # beside an obstacle, free or unknown
+    assert image[3, 7] == -1.0 and np.count_nonzero(image) == 10

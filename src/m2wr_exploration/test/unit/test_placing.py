@@ -127,3 +127,32 @@ def test_a_robot_whose_map_fits_better_elsewhere_leaves(results):
     made = joined([0.0, 0.0, 0.0])
     results.append(good())
     assert "it fits better at (2.00, -1.00), 0.500 rad" in made.update({0: area(20.0), 1: area(20.0)})[0]
+
+
+def test_a_place_that_is_confirmed_becomes_more_exact():
+    made = joined([0.1, 0.0, 0.0])
+    assert made.update({0: room(*ODD), 1: room(*ODD)}) == [] and made.relative(0, 1) == pytest.approx(
+        np.zeros(3), abs=0.02)
+
+
+def test_a_group_is_checked_without_the_map_of_its_first_robot():
+    made = Placing(NAMES)
+    made.join(0, 1, np.zeros(3))
+    made.join(0, 2, np.array([0.1, 0.0, 0.0]))
+    assert made.update({1: room(*ODD), 2: room(*ODD)}) == []
+    assert made.relative(1, 2) == pytest.approx(np.zeros(3), abs=0.02)
+
+
+def test_a_place_is_kept_where_too_little_wall_makes_it_exact(results):
+    made = joined([0.1, 0.0, 0.01])
+    results.append(good([0.0, 0.0, 0.0]))
+    assert made.update({0: area(20.0), 1: area(20.0)}) == []
+    assert made.relative(0, 1) == pytest.approx(np.array([0.1, 0.0, 0.01]))
+
+
+def test_a_large_placed_map_is_checked_when_a_share_is_new(results):
+    made = joined([0.0, 0.0, 0.0])
+    results.extend([good([0.0, 0.0, 0.0]), good()])
+    assert made.update({0: area(200.0), 1: area(200.0)}) == [] and len(results) == 1
+    assert made.update({0: area(200.0), 1: area(203.0)}) == [] and made.whole
+    assert "it fits better" in made.update({0: area(200.0), 1: area(209.0)})[0]

@@ -6,14 +6,14 @@ import math
 import pytest
 
 from m2wr_exploration.study.figure import draw_teams
-from m2wr_exploration.study.team_command import Task, line, lost, without_infinity
+from m2wr_exploration.study.team_command import Task, line, lost, placing_line, without_infinity
 from m2wr_exploration.study.team_statistics import against, mean_time, times
 from m2wr_navigation.compare.outputs import write_json
 
 
 def row(place, robots, enough, contacts=0):
     return {"place": place, "robots": robots, "share": 1.0, "enough": enough, "time": 60.0, "contacts": contacts,
-            "lengths": [10.0] * robots, "curve": [(0.0, 0.1), (50.0, 0.99)]}
+            "lengths": [10.0] * robots, "curve": [(0.0, 0.1), (50.0, 0.99)], "placed": 20.0, "misplaced": 0.05}
 
 
 ROWS = [row(0, 1, 100.0), row(0, 2, 50.0, contacts=1)]
@@ -51,6 +51,11 @@ def test_a_team_that_never_saw_all_can_be_written(tmp_path):
     write_json(target, without_infinity(ROWS + [lost(Task(0, 2), "killed", "", 5.0)]))
     with open(target, encoding="utf-8") as stream:
         assert json.load(stream)[-1]["enough"] is None
+
+
+def test_a_line_says_when_maps_were_placed():
+    rows = [dict(row(0, 2, 50.0), misplaced=0.031), dict(row(1, 2, 60.0), placed=math.inf, misplaced=0.0)]
+    assert placing_line(2, rows).split() == ["2", "1", "of", "2", "20", "3"]
 
 
 @pytest.mark.parametrize("rows", [ROWS, [lost(Task(0, 1), "timeout", "", 1.0)]])

@@ -33,3 +33,14 @@ def test_a_trail_has_a_pose_for_each_step():
         trails.add(1, np.array([x, 1.0, 0.0]))
     free = trails.cleared(0, walls(), placing).costs == 0
     assert free[20, 20:60].all() and not free[20, :13].any() and not free[20, 67:].any()
+
+
+def test_where_bodies_have_been_nothing_is_known_for_comparisons():
+    trails, placing = Trails(2, SQUARE), Placing(["robot1", "robot2"])
+    trails.add(0, np.array([1.0, 1.0, 0.0]))
+    trails.add(1, np.array([1.0, 1.0, 0.0]))
+    own = trails.comparable(0, walls(), placing).costs == 255
+    assert own[20, 20] and own.sum() == pytest.approx(0.6 * 0.6 / 0.05 ** 2, rel=0.05)
+    placing.join(0, 1, np.array([2.5, 2.0, 0.0]))
+    both = trails.comparable(0, walls(), placing).costs == 255
+    assert both[20, 20] and both[60, 70] and both.sum() == 2 * own.sum()

@@ -18,6 +18,11 @@ class Placer:
         self._thread: Optional[threading.Thread] = None
         self._result: Optional[Tuple[Placing, Placing, List[str]]] = None
 
+    @property
+    def busy(self) -> bool:
+        """Whether a comparison is on the way."""
+        return self._thread is not None and self._thread.is_alive()
+
     def turn(self, placing: Placing, maps: Mapping[int, Costmap]) -> Tuple[Placing, List[str]]:
         """Begin a comparison if none is on the way; return what the last one has found, and what to tell.
 
@@ -33,7 +38,7 @@ class Placer:
         Placing, list of str
             The given one if there is nothing new.
         """
-        if placing.known or (self._thread is not None and self._thread.is_alive()):
+        if placing.known or self.busy:
             return placing, []
         result, self._result = self._result, None
         now, told = (result[1], result[2]) if result is not None and result[0] is placing else (placing, [])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional
 
 import numpy as np
 import rospy
@@ -25,12 +25,9 @@ from m2wr_exploration.ros.map_merge_node import init_pose
 from m2wr_exploration.ros.placer import Placer
 from m2wr_exploration.ros.team_report import TeamReport
 from m2wr_exploration.ros.team_robot import TeamRobot
-from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.placing import Placing
-from m2wr_exploration.team.right_of_way import allowed
 from m2wr_exploration.team.trails import Trails
 from m2wr_gmapping.ros.message_conversion import pose_message
-from m2wr_gmapping.se2 import compose
 from m2wr_navigation.costmap.footprint import FootprintError, checked, placed
 from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.registry import UnknownPluginError
@@ -40,10 +37,7 @@ from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
-
-    There = Tuple[int, TeamRobot, FloatArray]       # number of a robot, the robot, its pose where it plans
 
 NODE: Dict[str, Parameter] = {
     "robots": Parameter(2, "", 1, 8, "number of robots"),
@@ -176,31 +170,28 @@ class TeamNode:
 
     def _drive(self) -> None:
         """Send every robot the command that it may take."""
-        now, there = rospy.get_time(), []
+        now, there = rospy.get_time(), {}
         for number, robot in enumerate(self.robots):
             robot.locate()
             pose = robot.pose
             if pose is not None:
                 self.crew.see(number, now, pose[:2])
-                there.append((number, robot, pose))
+                there[number] = pose
                 if not self.crew.placing.whole:
                     self._trails.add(number, pose)
-        placing = self.crew.placing         # may be replaced at any time
-        for number, robot, _ in there:
-            robot.others = [pose[:2] for pose in _teammates(placing, number, there)]
-            robot.pass_scans()
-        for group in sorted({placing.groups[number] for number, _, _ in there}):
-            members = [each for each in there if placing.groups[each[0]] == group]
-            wanted = [(0.0, 0.0) if self.crew.members[number].fault else robot.wanted(now)
-                      for number, robot, _ in members]
-            commands = allowed([compose(placing.frames[number], pose) for number, _, pose in members],
-                               [robot.velocity for _, robot, _ in members], wanted, self._outline, PERIOD)
-            for (_, robot, _), command in zip(members, commands):
-                robot.command(command)
+        for number in there:
+            self.robots[number].others = [pose[:2] for pose in self.crew.teammates(number, there)]
+            self.robots[number].pass_scans()
+        wanted = {number: (0.0, 0.0) if self.crew.members[number].fault else self.robots[number].wanted(now)
+                  for number in there}
+        velocities = {number: self.robots[number].velocity for number in there}
+        for number, command in self.crew.commands(there, velocities, wanted, self._outline, PERIOD).items():
+            self.robots[number].command(command)
         self._ticks += 1
         if self._ticks % SHOWN_EVERY == 0:
-            for number, robot, _ in there:
-                robot.show_teammates([placed(self._outline, pose) for pose in _teammates(placing, number, there)])
+            for number in there:
+                self.robots[number].show_teammates([placed(self._outline, pose)
+                                                    for pose in self.crew.teammates(number, there)])
 
     # ---- decisions ---------------------------------------------------------------------------------------------
 
@@ -252,7 +243,8 @@ class TeamNode:
         common: Optional[Costmap] = None
         for number, robot in enumerate(self.robots):
             try:
-                known = self._merged_for(number, maps) if common is None else common
+                known = self.crew.merged(number, maps, self._starts, self._frame(self.names[number])) \
+                    if common is None else common
             except ValueError as error:
                 rospy.logwarn_throttle(TELL, "the maps cannot be merged: %s" % error)
                 return
@@ -264,21 +256,17 @@ class TeamNode:
                 self._merged.publish(grid_message(replace(known, frame=self.values["world_frame"]), rospy.Time.now()))
             robot.show_known(self.crew.occupancy(number, now, known), known)
 
-    def _merged_for(self, number: int, maps: Mapping[int, Costmap]) -> Optional[Costmap]:
-        """Return the map of all robots of a group in the frame in which a robot plans; None: there is none."""
-        frames = {other: self.crew.placing.relative(number, other) for other in maps}
-        there = [(maps[other], compose(frame, self._starts[other])) for other, frame in frames.items()
-                 if frame is not None]
-        return merge([costmap for costmap, _ in there], [pose for _, pose in there],
-                     self._frame(self.names[number])) if there else None
-
     def _place(self, maps: Mapping[int, Costmap]) -> None:
         """Take what is known of where maps lie on each other."""
-        placing, told = self._placer.turn(self.crew.placing, maps)
+        before = self.crew.placing
+        if before.known or self._placer.busy:       # trails are only drawn for a comparison
+            return
+        compared = {number: self._trails.comparable(number, costmap, before) for number, costmap in maps.items()}
+        placing, told = self._placer.turn(before, compared)
         for message in told:
             rospy.loginfo("%s", message)
-        if placing is not self.crew.placing:
-            changed = placing.groups != self.crew.placing.groups
+        if placing is not before:
+            changed = placing.groups != before.groups or not np.array_equal(placing.frames, before.frames)
             self.crew.placing = placing
             if changed:
                 self._hang_on()
@@ -327,12 +315,6 @@ class TeamNode:
         if state != self._shown:
             self._shown = state
             self._state.publish(String(state))
-
-
-def _teammates(placing: Placing, number: int, there: Sequence[There]) -> List[FloatArray]:
-    """Return the poses of the others, as far as they are known, in the frame in which a robot plans."""
-    found = [(placing.relative(number, other), pose) for other, _, pose in there if other != number]
-    return [compose(frame, pose) for frame, pose in found if frame is not None]
 
 
 def main() -> int:

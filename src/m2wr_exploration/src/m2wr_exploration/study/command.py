@@ -129,6 +129,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default %(default)s)")
     parser.add_argument("--robots", default="", help="numbers of robots, with commas, such as 1,2,4,8: teams are "
                         "compared, in larger buildings, instead of strategies")
+    parser.add_argument("--unknown-starts", action="store_true", help="with --robots: no robot knows where the others "
+                        "start; they begin with random headings, and their maps are placed on each other")
     parser.add_argument("--json", default="", metavar="FILE", help="also write all figures, curves and paths")
     parser.add_argument("--figure", default="", metavar="FILE", help="draw the explored area over the path: PNG or SVG")
     return parser
@@ -151,6 +153,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     if not (0 <= options.buildings <= 1000 and 1 <= options.workers <= 256):
         parser.error("expected --buildings from 0 to 1000 and --workers from 1 to 256")
     strategies = options.strategies.split(",")
+    if options.unknown_starts and not options.robots:
+        parser.error("--unknown-starts needs --robots: a robot that is alone has nothing to find")
     if options.robots:
         from m2wr_exploration.study.team_command import compare_teams
         return compare_teams(options, parser)

@@ -11,8 +11,9 @@ import numpy as np
 from m2wr_exploration.explorer import DONE, Explorer
 from m2wr_exploration.frontiers import costs_of_occupancy
 from m2wr_exploration.study.truth import explored_share
+from m2wr_exploration.team.merging import corners
 from m2wr_exploration.team.teammates import without
-from m2wr_gmapping.se2 import compose
+from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.best_path.survey import Survey
 from m2wr_navigation.costmap.costmap import Costmap
@@ -84,7 +85,7 @@ class Sight:
     time : float
         [s]
     pose : (3,) float64
-        [m, m, rad]
+        In the frame of the robot [m, m, rad].
     scan : Scan
     odometry : Odometry
     """
@@ -95,28 +96,43 @@ class Sight:
     odometry: Odometry
 
 
-def sight(result: StepResult, name: str) -> Sight:
+def sight(result: StepResult, name: str, frame: Optional[FloatArray] = None) -> Sight:
     """Return what a robot measures.
 
     Parameters
     ----------
     result : StepResult
     name : str
+    frame : (3,) float, optional
+        Pose of its frame in the world [m, m, rad]; default: the world.
     """
     seen = result[name]
     assert seen.scan is not None and seen.odometry is not None
-    return Sight(result.time, np.array(seen.pose), seen.scan, seen.odometry)
+    pose = np.array(seen.pose)
+    return Sight(result.time, pose if frame is None else between(frame, pose), seen.scan, seen.odometry)
 
 
 class Drive:
-    """The state of one robot in a run."""
+    """The state of one robot in a run.
+
+    Parameters
+    ----------
+    place : Place
+    explorer : Explorer or Guide
+    given : mapping of str to object
+        Parameters of move_base.
+    start : (3,) float, optional
+        Where it begins, in its frame [m, m, rad]; default: at the start of the place.
+    frame : (3,) float, optional
+        Pose of the frame in which it maps and plans, in the world [m, m, rad]; default: the world.
+    """
 
     def __init__(self, place: Place, explorer: Union[Explorer, Guide], given: Mapping[str, Any],
-                 start: Optional[Tuple[float, float, float]] = None) -> None:
+                 start: Optional[FloatArray] = None, frame: Optional[FloatArray] = None) -> None:
         self.place, self.explorer = place, explorer
-        truth = place.truth
-        side = max(truth.shape) * truth.resolution + 2.0 * MARGIN
-        self.survey = Survey(side, truth.origin + 0.5 * truth.resolution * np.array(truth.shape[::-1]), "map")
+        points = corners(place.truth, inverse(np.zeros(3) if frame is None else frame))
+        low, high = points.min(axis=0), points.max(axis=0)
+        self.survey = Survey(float((high - low).max()) + 2.0 * MARGIN, 0.5 * (low + high), "map")
         self.navigator = Navigator(None, given, np.array([LASER_X, 0.0, 0.0]))
         self.navigator.maps["global"].set_footprint(np.array(given["global_costmap"]["footprint"], float))
         self.driving, self.result, self.text = False, "", ""
@@ -124,7 +140,8 @@ class Drive:
         self.curve: List[Tuple[float, float]] = []
         self.path: List[Tuple[float, float]] = []
         self.length, self.goals = 0.0, 0
-        self._last: Tuple[float, float] = (start or place.start)[:2]
+        x, y = (place.start if start is None else start)[:2]
+        self._last: Tuple[float, float] = float(x), float(y)
         self._decided = -math.inf
 
     def look(self, result: Sight, teammates: Optional[FloatArray] = None) -> None:
@@ -149,14 +166,16 @@ class Drive:
         """Return whether a goal is to be chosen."""
         return bool(self.result) or now - self._decided >= DECIDES
 
-    def decide(self, result: Sight, occupancy: Int8Array, others: Sequence[Teammate] = ()) -> bool:
+    def decide(self, result: Sight, known: Costmap, occupancy: Int8Array, others: Sequence[Teammate] = ()) -> bool:
         """Choose a goal.
 
         Parameters
         ----------
         result : Sight
+        known : Costmap
+            The map, in the frame of the robot.
         occupancy : (H, W) int8
-            A map with the cells of the survey.
+            The same map, with obstacles that are to be known to the planner only.
         others : sequence of Teammate
 
         Returns
@@ -167,13 +186,11 @@ class Drive:
         self._decided = result.time
         static = self.navigator.maps["global"].static_layer()
         assert static is not None
-        static.set_map(occupancy, self.survey.costs.resolution,
-                       np.append(self.survey.costs.origin, 0.0), "map")
+        static.set_map(occupancy, known.resolution, np.append(known.origin, 0.0), "map")
         self.navigator.maps["global"].update(result.pose, result.time)
         decision = self.explorer.step(result.time, self.navigator.maps["global"].snapshot(), result.pose,
                                       self.result, self.text, others, Costmap(
-                                          costs_of_occupancy(occupancy), self.survey.costs.resolution,
-                                          self.survey.costs.origin, "map"))
+                                          costs_of_occupancy(occupancy), known.resolution, known.origin, "map"))
         self.result, self.text = "", ""
         self.messages += ["{:.0f} s: {}".format(result.time, message) for message in decision.messages]
         if decision.goal is not None:
@@ -252,7 +269,7 @@ def follow(place: Place, guide: Union[Explorer, Guide], given: Mapping[str, Any]
             seen = sight(result, "m2wr")
             drive.look(seen)
             if drive.is_due(seen.time):
-                ended = drive.decide(seen, drive.survey.occupancy())
+                ended = drive.decide(seen, drive.survey.costs, drive.survey.occupancy())
                 drive.curve.append((drive.length, explored_share(place.truth, place.wanted, drive.survey.costs)[0]))
             result = sim.step(drive.command(seen), PERIOD)
             contacts += len(result.contacts)

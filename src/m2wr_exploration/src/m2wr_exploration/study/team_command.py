@@ -43,7 +43,7 @@ class Task:
     robots: int
 
 
-def perform(places: Sequence[Place], given: Mapping[str, Any], seed: int, task: Task) -> Dict[str, Any]:
+def perform(places: Sequence[Place], given: Mapping[str, Any], seed: int, known: bool, task: Task) -> Dict[str, Any]:
     """Let robots explore.
 
     Parameters
@@ -52,7 +52,9 @@ def perform(places: Sequence[Place], given: Mapping[str, Any], seed: int, task: 
     given : mapping of str to object
         Parameters of move_base.
     seed : int
-        Of the noise of the lasers.
+        Of the noise of the lasers, and of headings.
+    known : bool
+        Whether the robots know where the others start. If not, they begin with random headings.
     task : Task
 
     Returns
@@ -61,12 +63,16 @@ def perform(places: Sequence[Place], given: Mapping[str, Any], seed: int, task: 
     """
     place, kind = places[task.place], registry.find(STRATEGY)
     values, _ = read(PARAMETERS, EXPLORER, "")
-    run = explore_together(place, starts(place, task.robots),
-                           [kind(read(kind.PARAMETERS, {}, "")[0]) for _ in range(task.robots)], values, given, seed,
-                           ENOUGH)
+    poses = starts(place, task.robots)
+    if not known:
+        headings = np.random.default_rng([seed, task.place]).uniform(-math.pi, math.pi, task.robots)
+        poses = [(x, y, float(heading)) for (x, y, _), heading in zip(poses, headings)]
+    run = explore_together(place, poses, [kind(read(kind.PARAMETERS, {}, "")[0]) for _ in poses], values, given, seed,
+                           ENOUGH, known=known)
     return {"place": task.place, "world": place.name, "robots": task.robots, "share": run.share, "area": run.area,
             "time": run.time, "enough": run.enough, "lengths": run.lengths, "contacts": run.contacts,
-            "curve": np.round(run.curve, 4).tolist(), "messages": run.messages}
+            "placed": run.placed, "misplaced": run.misplaced, "curve": np.round(run.curve, 4).tolist(),
+            "messages": run.messages}
 
 
 def lost(task: Task, reason: str, log: str, wall: float) -> Dict[str, Any]:
@@ -80,7 +86,8 @@ def lost(task: Task, reason: str, log: str, wall: float) -> Dict[str, Any]:
         [s]
     """
     return {"place": task.place, "world": str(task.place), "robots": task.robots, "share": 0.0, "area": 0.0,
-            "time": wall, "enough": math.inf, "lengths": [], "contacts": 0, "curve": [], "messages": [reason, log]}
+            "time": wall, "enough": math.inf, "lengths": [], "contacts": 0, "curve": [], "messages": [reason, log],
+            "placed": math.inf, "misplaced": 0.0}
 
 
 def line(robots: int, rows: Sequence[Mapping[str, Any]], fewest: int) -> str:
@@ -106,7 +113,7 @@ def line(robots: int, rows: Sequence[Mapping[str, Any]], fewest: int) -> str:
 
 
 def without_infinity(rows: Sequence[Mapping[str, Any]]) -> List[Dict[str, Any]]:
-    """Return rows for JSON, which has no infinity: the time of a team that never saw 99 % is None.
+    """Return rows for JSON, which has no infinity: a time that never came is None.
 
     Parameters
     ----------
@@ -117,10 +124,27 @@ def without_infinity(rows: Sequence[Mapping[str, Any]]) -> List[Dict[str, Any]]:
     -------
     list of dict
     """
-    return [dict(row, enough=row["enough"] if math.isfinite(row["enough"]) else None) for row in rows]
+    return [dict(row, **{name: row[name] if math.isfinite(row[name]) else None for name in ("enough", "placed")})
+            for row in rows]
 
 
-def _tell(rows: List[Dict[str, Any]], numbers: List[int]) -> None:
+def placing_line(robots: int, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a line on how many teams came to know where all their maps lie, when, and with which greatest error.
+
+    Parameters
+    ----------
+    robots : int
+    rows : sequence of mapping
+        Of :func:`perform`.
+    """
+    own = [row for row in rows if row["robots"] == robots]
+    placed = [row["placed"] for row in own if math.isfinite(row["placed"])]
+    return "%6d %15s %15s %14.0f" % (
+        robots, "%d of %d" % (len(placed), len(own)), "%.0f" % np.median(placed) if placed else "",
+        100.0 * max((row["misplaced"] for row in own), default=0.0))
+
+
+def _tell(rows: List[Dict[str, Any]], numbers: List[int], known: bool) -> None:
     """Print the table of all runs that have ended."""
     if not rows:
         return
@@ -129,6 +153,10 @@ def _tell(rows: List[Dict[str, Any]], numbers: List[int]) -> None:
         print(line(robots, rows, numbers[0]))
     print("times: of the %d places where every team saw 99 %%; in brackets 95 %% intervals" % len(
         times(rows, numbers[0])))
+    if not known:
+        print("%6s %15s %15s %14s" % ("robots", "all maps placed", "s, median", "worst error cm"))
+        for robots in numbers:
+            print(placing_line(robots, rows))
 
 
 def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -169,7 +197,8 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
         parser.error("expected at least one world, or --buildings")
     compile_kernels()
     tasks = [Task(number, robots) for number in range(len(places)) for robots in numbers]
-    pool: Pool[Task] = Pool(partial(perform, places, navigation_parameters(), options.seed), lost,
+    known = not options.unknown_starts
+    pool: Pool[Task] = Pool(partial(perform, places, navigation_parameters(), options.seed, known), lost,
                             min(options.workers, len(tasks)))
     rows: List[Dict[str, Any]] = []
     try:
@@ -183,7 +212,7 @@ def compare_teams(options: argparse.Namespace, parser: argparse.ArgumentParser) 
                 if options.json:
                     write_json(options.json, without_infinity(rows))    # what there is, should the study be killed
     finally:
-        _tell(rows, numbers)
+        _tell(rows, numbers, known)
     if options.figure:
         from m2wr_exploration.study.figure import draw_teams
         draw_teams(rows, numbers, options.figure)

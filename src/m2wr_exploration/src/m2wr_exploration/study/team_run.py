@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One exploration by several robots in the simulator; start poses known, one map merged of all."""
+"""One exploration by several robots in the simulator; their maps are merged as soon as it is known where they lie."""
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, List, Mapping, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from m2wr_exploration.frontiers import distances
 from m2wr_exploration.study.run import LIMIT, PERIOD, Drive, sight
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.merging import merge
-from m2wr_exploration.team.right_of_way import allowed
+from m2wr_exploration.team.placing import Placing
+from m2wr_exploration.team.trails import Trails
+from m2wr_gmapping.se2 import between, compose
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_sim.api import Sim
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from m2wr_exploration.study.run import Sight
     from m2wr_exploration.study.scenes import Place
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.costmap.costmap import Costmap
 
 APART = 1.5             # m: between two robots at the start; there a third one that drives straight fits between them
 WIDE = 100              # cost above which no robot starts
@@ -45,8 +48,12 @@ class TeamExploration:
         Path of each robot [m].
     contacts : int
     curve : (N, 2) float64
-        Time [s] and share.
+        Time [s] and share of all maps together, as if it were known where they lie.
     messages : list of str
+    placed : float
+        Time since when it is known where all maps lie [s]; inf: it is not.
+    misplaced : float
+        Greatest error of the place of a robot on the map of another one, at the end [m]; 0: none is known.
     """
 
     share: float
@@ -57,6 +64,8 @@ class TeamExploration:
     contacts: int
     curve: FloatArray
     messages: List[str]
+    placed: float = 0.0
+    misplaced: float = 0.0
 
 
 def starts(place: Place, count: int) -> List[Tuple[float, float, float]]:
@@ -91,56 +100,103 @@ def starts(place: Place, count: int) -> List[Tuple[float, float, float]]:
 
 
 class _Team:
-    """The robots of a run."""
+    """The robots of a run.
 
-    def __init__(self, place: Place, explorers: Sequence[Explorer], poses: Sequence[Tuple[float, float, float]],
-                 given: Mapping[str, Any], names: Sequence[str]) -> None:
+    Parameters
+    ----------
+    place : Place
+    explorers : sequence of Explorer
+    poses : sequence of (3,) float64
+        Where the robots start [m, m, rad].
+    given : mapping of str to object
+        Parameters of move_base.
+    names : sequence of str
+        Of the robots.
+    known : bool
+        Whether they know where the others start. If not, each maps in a frame that begins where it starts.
+    """
+
+    def __init__(self, place: Place, explorers: Sequence[Explorer], poses: Sequence[FloatArray],
+                 given: Mapping[str, Any], names: Sequence[str], known: bool) -> None:
         self.place = place
-        self.drives = drives = [Drive(place, explorer, given, pose) for explorer, pose in zip(explorers, poses)]
-        self.crew = Crew(names, explorers)
+        self.frames = [np.zeros(3) if known else pose for pose in poses]
+        self.drives = drives = [Drive(place, explorer, given, between(frame, pose), frame)
+                                for explorer, pose, frame in zip(explorers, poses, self.frames)]
+        self.crew = Crew(names, explorers, Placing(names, self.frames if known else None))
         self.ended = [False] * len(drives)
         self.curve: List[Tuple[float, float]] = []
+        self.placed = math.inf
         self._merged = -math.inf
         self._outline = drives[0].navigator.maps["local"].footprint
-        self._known = self.merged()
+        self._trails = Trails(len(drives), self._outline)
+        self._known: List[Costmap] = []
+        self._poses: Dict[int, FloatArray] = {}
 
     def step(self, seen: Sequence[Sight]) -> None:
         """Let every robot look, and choose a goal where one is due."""
-        now, places = seen[0].time, np.array([each.pose[:2] for each in seen])
+        now, poses = seen[0].time, {number: each.pose for number, each in enumerate(seen)}
+        self._poses = poses
         for number, drive in enumerate(self.drives):
-            drive.look(seen[number], np.delete(places, number, axis=0))
-            self.crew.see(number, now, places[number])
+            drive.look(seen[number], np.array([pose[:2] for pose in self.crew.teammates(number, poses)]).reshape(-1, 2))
+            self.crew.see(number, now, poses[number][:2])
             self.crew.drive(number, now, drive.driving)
+            if not self.crew.placing.whole:
+                self._trails.add(number, poses[number])
         if now - self._merged >= MERGED_EVERY:
             self._merged = now
-            self._known = self.merged()
-            self.curve.append((now, explored_share(self.place.truth, self.place.wanted, self._known)[0]))
+            whole = self.merged()
+            self._known = [whole] * len(seen) if self.crew.placing.known else self._merged_by_group(now)
+            self.placed = min(self.placed, now) if self.crew.placing.whole else math.inf
+            self.curve.append((now, explored_share(self.place.truth, self.place.wanted, whole)[0]))
         for number, drive in enumerate(self.drives):
             if not self.ended[number] and drive.is_due(now):
-                self.ended[number] = drive.decide(seen[number], self.crew.occupancy(number, now, self._known),
+                known = self._known[number]
+                self.ended[number] = drive.decide(seen[number], known, self.crew.occupancy(number, now, known),
                                                   self.crew.others(number, now))
                 self.crew.drive(number, now, drive.driving)
                 self.crew.share(number)
 
+    def _merged_by_group(self, now: float) -> List[Costmap]:
+        """Look where the maps lie; return for each robot those of its group, merged."""
+        maps = {number: drive.survey.snapshot() for number, drive in enumerate(self.drives)}
+        placing = self.crew.placing
+        compared = {number: self._trails.comparable(number, costmap, placing) for number, costmap in maps.items()}
+        self.drives[0].messages += ["{:.0f} s: {}".format(now, text) for text in placing.update(compared)]
+        maps = {number: self._trails.cleared(number, costmap, placing) for number, costmap in maps.items()}
+        zeros = [np.zeros(3)] * len(maps)
+        merged = [self.crew.merged(number, maps, zeros, "map") for number in maps]
+        return [costmap for costmap in merged if costmap is not None]
+
     def commands(self, seen: Sequence[Sight]) -> List[Tuple[float, float]]:
         """Return the commands of all robots, the first robot with the highest priority."""
-        poses = [each.pose for each in seen]
-        outlines = [placed(self._outline, pose) for pose in poses]
-        wanted = []
+        poses, wanted = self._poses, {}
         for number, (drive, each) in enumerate(zip(self.drives, seen)):
-            drive.navigator.others = outlines[:number] + outlines[number + 1:]
-            wanted.append(drive.command(each))
-        velocities = [np.array([each.odometry.linear_x, each.odometry.angular_z]) for each in seen]
-        return allowed(poses, velocities, wanted, self._outline, PERIOD)
+            drive.navigator.others = [placed(self._outline, pose) for pose in self.crew.teammates(number, poses)]
+            wanted[number] = drive.command(each)
+        velocities = {number: np.array([each.odometry.linear_x, each.odometry.angular_z])
+                      for number, each in enumerate(seen)}
+        found = self.crew.commands(poses, velocities, wanted, self._outline, PERIOD)
+        return [found[number] for number in range(len(seen))]
 
-    def merged(self) -> Any:
-        """Return the map of all robots, merged now."""
-        return merge([drive.survey.snapshot() for drive in self.drives], [np.zeros(3)] * len(self.drives))
+    def merged(self) -> Costmap:
+        """Return the map of all robots in the world, merged now as if it were known where all lie."""
+        return merge([drive.survey.snapshot() for drive in self.drives], self.frames)
+
+    def misplaced(self) -> float:
+        """Return the greatest error of the place of a robot on the map of another one of its group [m]."""
+        errors = [0.0]
+        for number, frame in enumerate(self.frames):
+            for other, pose in self._poses.items():
+                found = self.crew.placing.relative(number, other)
+                if found is not None:
+                    true = compose(between(frame, self.frames[other]), pose)
+                    errors.append(float(np.hypot(*(compose(found, pose) - true)[:2])))
+        return max(errors)
 
 
 def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], strategies: Sequence[Strategy],
                      values: Mapping[str, Any], given: Mapping[str, Any], seed: int, enough: float = 0.99,
-                     names: Sequence[str] = (), limit: float = LIMIT) -> TeamExploration:
+                     names: Sequence[str] = (), limit: float = LIMIT, known: bool = True) -> TeamExploration:
     """Explore a world with several robots, until none of them has anything left.
 
     Parameters
@@ -160,6 +216,8 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
         Of the robots; default robot1, robot2, ...
     limit : float
         Simulated [s].
+    known : bool
+        Whether the robots know where the others start. If not, each explores alone until the maps fit.
 
     Returns
     -------
@@ -177,7 +235,8 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
         raise ValueError("two robots have the name {}; expected a name for each".format(", ".join(double)))
-    team = _Team(place, [Explorer(values, strategy) for strategy in strategies], poses, given, names)
+    team = _Team(place, [Explorer(values, strategy) for strategy in strategies],
+                 [np.array(pose, float) for pose in poses], given, names, known)
     contacts = 0
     with Sim(place.world, seed=seed, sensing="now") as sim:
         for name, pose in zip(names, poses):
@@ -185,7 +244,7 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
         result = sim.step(None, PERIOD)
         begun = result.time
         while not all(team.ended) and result.time - begun < limit:
-            seen = [sight(result, name) for name in names]
+            seen = [sight(result, name, frame) for name, frame in zip(names, team.frames)]
             team.step(seen)
             result = sim.step(dict(zip(names, team.commands(seen))), PERIOD)
             contacts += len({(contact.first, contact.second, contact.time) for name in names
@@ -196,4 +255,5 @@ def explore_together(place: Place, poses: Sequence[Tuple[float, float, float]], 
     return TeamExploration(share, area, result.time - begun, float(reached[0]) if len(reached) else math.inf,
                            [drive.length for drive in team.drives], contacts, curve,
                            ["{}: {}".format(name, text) for name, drive in zip(names, team.drives)
-                            for text in drive.messages])
+                            for text in drive.messages],
+                           team.placed - begun, team.misplaced())

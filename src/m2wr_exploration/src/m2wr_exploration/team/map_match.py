@@ -3,7 +3,10 @@
 
 All rotations in steps of 2 degrees are tried; for each, correlation by the Fourier transform gives the score of all
 shifts at once, on cells of 0.2 m. The best ones are improved on the maps' own cells. A score counts obstacles of each
-map that lie on obstacles of the other, minus those that lie in free space of the other.
+map that lie on obstacles of the other, minus AGAINST times those that lie in free space of the other. What contradicts
+says more than what agrees: at right places 2 % of the obstacles contradict, at the best of wrong ones 13 %. But a thing
+that moved contradicts at the right place, too. Of 240 pairs of maps, by three robots in ten worlds, AGAINST = 1 places
+133 rightly and 1 wrongly, 4 places 170 and 1, 10 places 174 and 9.
 
 A wrong place is worse than none. So a place is only accepted if enough wall agrees, hardly any contradicts (the
 acceptance index of Carpin, Autonomous Robots 25, 2008), and no other place explains the maps nearly as well: two equal
@@ -16,20 +19,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, List, Tuple
 
 import numpy as np
+from scipy import fftpack  # scipy.fft is not in the SciPy of Ubuntu 20.04
 
-from m2wr_exploration.team.merge_kernels import agreement
+from m2wr_exploration.team.merge_kernels import agreement, draw_coarse
 from m2wr_gmapping.se2 import inverse
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.localization.field_kernels import distance_transform
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
+    from m2wr_gmapping.array_types import BoolArray, Complex64Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 COARSE = 0.2                # m: cells of the search
 TURNS = 180                 # rotations of the search
 PEAKS = 3                   # shifts of each rotation that are kept
 CANDIDATES = 10             # places that are improved
+AGAINST = 4.0               # obstacles that have to agree for one that contradicts
 NEAR, SPREAD = 0.15, 0.06   # m: obstacles nearer than this agree; width of the peak of the score
 APART, TURNED = 0.6, 0.15   # m, rad: places that differ by more are others
 WALL = 10.0                 # m of wall in each map that have to agree
@@ -73,30 +78,29 @@ class _Side:
     def __init__(self, costmap: Costmap) -> None:
         self.costmap, size = costmap, costmap.resolution
         lethal = costmap.costs == LETHAL
-        self.points = (np.argwhere(lethal)[:, ::-1] + 0.5) * size + costmap.origin
+        self.points = _centres(lethal, 1, costmap)
         free = (costmap.costs != NO_INFORMATION) & ~lethal
-        self.free = (np.argwhere(free)[:, ::-1] + 0.5) * size + costmap.origin
+        step = max(1, int(0.5 * COARSE / size))     # enough points for one in each coarse cell, at any rotation
+        self.free = _centres(free, step, costmap)
         away = np.empty(costmap.shape, np.float32)
         distance_transform(lethal, NEAR / size + 2.0, away)
         away *= np.float32(size)
-        self.field = np.where(away <= NEAR, np.exp(-0.5 * np.square(away / SPREAD)), -1.0 * free).astype(np.float32)
+        self.field = np.where(away <= NEAR, np.exp(-0.5 * np.square(away / SPREAD)), -AGAINST * free).astype(np.float32)
         known = np.concatenate([self.points, self.free])
         self.middle = 0.5 * (known.min(axis=0) + known.max(axis=0)) if len(known) else np.zeros(2)
         self.reach = float(np.sqrt(np.square(known - self.middle).sum(axis=1).max())) if len(known) else 0.0
 
-    def coarse(self, yaw: float, cells: int) -> Tuple[Float32Array, Float32Array]:
-        """Return obstacles, and the field, of the map rotated about its middle, in the corner of a square image."""
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        rotation = np.array([(cosine, sine), (-sine, cosine)])
-        images = []
-        for points in (self.points, self.free):
-            image = np.zeros((cells, cells), np.float32)
-            places = np.floor(((points - self.middle) @ rotation) / COARSE).astype(int)
-            image[places[:, 1] % cells, places[:, 0] % cells] = 1.0
-            images.append(image)
-        obstacles, free = images
-        around = sum(np.roll(obstacles, (down, right), (0, 1)) for down in (-1, 0, 1) for right in (-1, 0, 1)) > 0.0
-        return obstacles, np.where(obstacles > 0.0, 1.0, np.where(around, 0.5, -free)).astype(np.float32)
+    def coarse(self, yaw: float, cells: int) -> Complex64Array:
+        """Return field + i obstacles of the map rotated about its middle [rad], (cells, cells), as ``draw_coarse``."""
+        image = np.zeros((cells, cells), np.complex64)
+        draw_coarse(image, self.points, self.free, self.middle, yaw, COARSE)
+        return image
+
+
+def _centres(cells: BoolArray, step: int, costmap: Costmap) -> FloatArray:
+    """Return the centres of some cells, of each ``step``-th row and column [m], (N, 2)."""
+    rows, columns = np.nonzero(cells[::step, ::step])
+    return (np.stack([columns, rows], axis=1) * step + 0.5) * costmap.resolution + costmap.origin
 
 
 def _place(first: _Side, second: _Side, yaw: float, shift: Tuple[float, float]) -> FloatArray:
@@ -108,19 +112,22 @@ def _place(first: _Side, second: _Side, yaw: float, shift: Tuple[float, float]) 
 
 
 def _search(first: _Side, second: _Side) -> List[Tuple[float, FloatArray]]:
-    """Return scores and poses of the best places on coarse cells, the best one first."""
-    cells = 64
-    while cells * COARSE < 2.0 * (first.reach + second.reach) + 2.0 * COARSE:
-        cells *= 2
+    """Return scores and poses of the best places on coarse cells, the best one first.
+
+    With field F and obstacles O, the real part of the correlation of O1 + i F1 with F2 + i O2 is the score of a shift,
+    the sum of O1 F2 + F1 O2.
+    """
+    cells = 2 + math.ceil(2.0 * (first.reach + second.reach) / COARSE)
     if cells > MOST_CELLS:
         raise ValueError("the maps are {:.0f} and {:.0f} m wide; expected at most {:.0f} m together".format(
             2.0 * first.reach, 2.0 * second.reach, MOST_CELLS * COARSE))
-    fixed = [np.fft.rfft2(image) for image in first.coarse(0.0, cells)]
+    cells = fftpack.next_fast_len(cells)
+    fixed = fftpack.fft2(1j * np.conj(first.coarse(0.0, cells)))
     found: List[Tuple[float, FloatArray]] = []
     for turn in range(TURNS):
         yaw = 2.0 * math.pi * turn / TURNS
-        moved = [np.fft.rfft2(image) for image in second.coarse(yaw, cells)]
-        scores = np.fft.irfft2(fixed[1] * np.conj(moved[0]) + fixed[0] * np.conj(moved[1]), s=(cells, cells))
+        moved = fftpack.fft2(second.coarse(yaw, cells), overwrite_x=True)
+        scores = fftpack.ifft2(fixed * np.conj(moved), overwrite_x=True).real
         for _ in range(PEAKS):
             row, column = divmod(int(np.argmax(scores)), cells)
             shift = [COARSE * (place - cells if place > cells // 2 else place) for place in (column, row)]
@@ -129,11 +136,11 @@ def _search(first: _Side, second: _Side) -> List[Tuple[float, FloatArray]]:
             rows = np.arange(row - window, row + window + 1) % cells
             columns = np.arange(column - window, column + window + 1) % cells
             scores[np.ix_(rows, columns)] = -np.inf
-    return _distinct(second, sorted(found, key=lambda entry: -entry[0]))[:CANDIDATES]
+    return _distinct(second, sorted(found, key=lambda entry: -entry[0]))
 
 
 def _distinct(second: _Side, found: List[Tuple[float, FloatArray]]) -> List[Tuple[float, FloatArray]]:
-    """Return those that are not beside a better one, as seen at the middle of the second map."""
+    """Return the first CANDIDATES that are not beside a better one, as seen at the middle of the second map."""
     kept: List[Tuple[float, FloatArray, FloatArray]] = []
     for score, pose in found:
         cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -142,6 +149,8 @@ def _distinct(second: _Side, found: List[Tuple[float, FloatArray]]) -> List[Tupl
         if all(np.hypot(*(middle - other)) > APART or abs(math.remainder(pose[2] - placed[2], 2.0 * math.pi)) > TURNED
                for _, placed, other in kept):
             kept.append((score, pose, middle))
+        if len(kept) == CANDIDATES:
+            break
     return [(score, pose) for score, pose, _ in kept]
 
 
@@ -224,3 +233,18 @@ def agreement_of(first: Costmap, second: Costmap, pose: FloatArray) -> float:
     """
     _, _, agreeing, contradicting = _both(_Side(first), _Side(second), pose)
     return agreeing / (agreeing + contradicting) if agreeing + contradicting else 1.0
+
+
+def refined(first: Costmap, second: Costmap, pose: FloatArray) -> FloatArray:
+    """Return the best place beside a known one, (3,) float64 [m, m, rad]; the known one if less than WALL agrees.
+
+    Parameters
+    ----------
+    first, second : Costmap
+    pose : (3,) float64
+        Of the second map's frame in the first one's [m, m, rad].
+    """
+    sides = _Side(first), _Side(second)
+    _, found = _improved(sides[0], sides[1], pose)
+    enough = _both(sides[0], sides[1], found)[1] * max(first.resolution, second.resolution) >= WALL
+    return found if enough else pose

@@ -10,7 +10,7 @@ from numba import njit
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import Complex64Array, Float32Array, FloatArray, Uint8Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -68,7 +68,7 @@ def agreement(points: FloatArray, field: Float32Array, resolution: float, origin
     points : (N, 2) float64
         Obstacles of the one [m].
     field : (H, W) float32
-        Of the other: 0 to 1 near its obstacles, -1 where it is free, 0 where it is unknown.
+        Of the other: 0 to 1 near its obstacles, negative where it is free, 0 where it is unknown.
     resolution : float
         [m]
     origin : (2,) float64
@@ -95,3 +95,43 @@ def agreement(points: FloatArray, field: Float32Array, resolution: float, origin
             agreeing += value > 0.1
             contradicting += value < 0.0
     return score, agreeing, contradicting
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _coarse_cell(point: FloatArray, middle: FloatArray, cosine: float, sine: float, cell: float) -> Tuple[int, int]:
+    """Return row and column of a point [m] after a rotation about the middle, which is at the corner of cell (0, 0)."""
+    x, y = point[0] - middle[0], point[1] - middle[1]
+    return int(math.floor((sine * x + cosine * y) / cell)), int(math.floor((cosine * x - sine * y) / cell))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def draw_coarse(image: Complex64Array, points: FloatArray, free: FloatArray, middle: FloatArray, yaw: float,
+                cell: float) -> None:
+    """Draw a rotated map on coarse cells; what is beyond an edge appears at the opposite one.
+
+    Parameters
+    ----------
+    image : (S, S) complex64
+        Zero before. Afterwards the imaginary part is 1 in cells with an obstacle. The real part, the field, is 1 there,
+        0.5 beside them, else -1 in free and 0 in unknown cells. The middle of the map is in the corner.
+    points, free : (N, 2), (M, 2) float64
+        Centres of occupied and of free cells [m].
+    middle : (2,) float64
+        The map is rotated about it [m].
+    yaw : float
+        [rad]
+    cell : float
+        [m]
+    """
+    cosine, sine, size = math.cos(yaw), math.sin(yaw), len(image)
+    for number in range(len(free)):
+        row, column = _coarse_cell(free[number], middle, cosine, sine, cell)
+        image[row % size, column % size] = -1.0
+    for number in range(len(points)):
+        row, column = _coarse_cell(points[number], middle, cosine, sine, cell)
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                image[(row + down) % size, (column + right) % size] = 0.5
+    for number in range(len(points)):
+        row, column = _coarse_cell(points[number], middle, cosine, sine, cell)
+        image[row % size, column % size] = 1.0 + 1.0j

@@ -3,9 +3,10 @@
 
 Robots whose maps lie on each other are a group, in the frame of the map of its first robot. At first each robot is a
 group of its own. Maps of two groups are compared by :mod:`m2wr_exploration.team.map_match`, which refuses what is not
-certain. What it accepts has to be found again when the maps have grown: chance agreement of two parts of a building
+certain. What it accepts has to be found again when the maps have changed: chance agreement of two parts of a building
 does not last. Later a robot leaves its group if its map contradicts those of the others, or if another place fits
-nearly as well, as in a building whose one half looks like the other one.
+nearly as well, as in a building whose one half looks like the other one. Otherwise its place becomes more exact, as
+larger maps have a smaller error.
 """
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_exploration.team.map_match import agreement_of, match
+from m2wr_exploration.team.map_match import agreement_of, match, refined
 from m2wr_exploration.team.merging import merge
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation.costmap.footprint import placed
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
-GROWN = 2.0                 # m^2: by which one of two maps has to grow until they are compared again
+CHANGED = 2.0               # m^2: by which what is known of two maps has to change until they are compared again
+CHECKED = 0.02              # share by which a placed map and those of its group change until it is checked again
 SAME, SAME_TURN = 0.3, 0.05  # m, rad: two results that differ by less are the same: a few cells, at the middle of a map
 CONTRADICTS = 0.15          # share of the obstacles that both maps could have seen, from which a robot leaves its group
 AMBIGUOUS = 0.8             # of the best score: another place with more makes it leave; joining asks for less than 0.7
@@ -87,12 +89,12 @@ class Placing:
             ", ".join(apart), self.names[0])
 
     def update(self, maps: Mapping[int, Costmap]) -> List[str]:
-        """Check the members of groups, and compare two groups whose maps have grown.
+        """Check the members of groups, and compare two groups whose maps have changed.
 
         Parameters
         ----------
         maps : mapping of int to Costmap
-            Newest maps, by robot, each in its own frame.
+            Newest maps, by robot, each in its own frame; unknown where an obstacle may be one of the robots.
 
         Returns
         -------
@@ -108,7 +110,7 @@ class Placing:
         for first in sorted(together):
             for second in sorted(together):
                 area = areas[first] + areas[second]
-                if first >= second or area < self._compared.get((first, second), 0.0) + GROWN:
+                if first >= second or abs(area - self._compared.get((first, second), 0.0)) < CHANGED:
                     continue
                 self._compared[first, second] = area
                 told.append(self._compare(first, second, together[first], together[second]))
@@ -158,7 +160,7 @@ class Placing:
         self._compared = {pair: area for pair, area in self._compared.items() if group not in pair}
 
     def _check(self, maps: Mapping[int, Costmap]) -> List[str]:
-        """Let robots leave whose maps, which have grown, contradict those of their groups."""
+        """Let robots leave whose maps, which have changed, contradict those of their groups."""
         told = []
         for robot, costmap in sorted(maps.items()):
             group = self.groups[robot]
@@ -166,17 +168,28 @@ class Placing:
             if robot == group or not others:
                 continue
             rest = merge([maps[other] for other in others], [self.frames[other] for other in others])
-            area = costmap.known_area + rest.known_area
-            if area < self._checked.get(robot, 0.0) + GROWN:
+            area, before = costmap.known_area + rest.known_area, self._checked.get(robot, 0.0)
+            if abs(area - before) < max(CHANGED, CHECKED * before):     # a check of large maps takes long
                 continue
             self._checked[robot] = area
             reason = _doubt(rest, costmap, self.frames[robot])
-            if reason:
+            if not reason:
+                self._refine(robot, [other for other in others if other < robot], maps)
+            else:
                 self.groups[robot], self.frames[robot] = robot, np.zeros(3)
                 self._forget(robot)
                 told.append("the map of {} is taken from that of {} again: {}".format(
                     self.names[robot], self.names[group], reason))
         return told
+
+    def _refine(self, robot: int, before: Sequence[int], maps: Mapping[int, Costmap]) -> None:
+        """Make the pose of a map more exact by those of the robots before it: so no two maps follow each other."""
+        if not before:
+            return
+        rest = merge([maps[other] for other in before], [self.frames[other] for other in before])
+        pose = refined(rest, maps[robot], self.frames[robot])
+        if _agree(pose, self.frames[robot], maps[robot]):
+            self.frames[robot] = pose
 
 
 def _doubt(rest: Costmap, costmap: Costmap, pose: FloatArray) -> str:

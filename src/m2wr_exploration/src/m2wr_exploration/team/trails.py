@@ -2,18 +2,19 @@
 """Where robots were before others knew where they are: there maps may show a robot as a wall.
 
 Beams that end on a teammate are left out of maps only once its place is known. But where the body of a robot has been,
-nothing stands, so these cells are free in the maps of the others as soon as these are placed.
+nothing stands, so these cells are free in the maps of the others as soon as these are placed. Until then an obstacle
+there may be this robot: it does not contradict a place of the maps.
 """
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING, Deque, List
+from typing import TYPE_CHECKING, Deque, Iterable, List
 
 import numpy as np
 
 from m2wr_gmapping.se2 import compose
-from m2wr_navigation.costmap.cost_layout import FREE
+from m2wr_navigation.costmap.cost_layout import FREE, NO_INFORMATION
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_navigation.costmap.footprint_kernels import fill_polygon
@@ -67,12 +68,28 @@ class Trails:
             Left unchanged.
         placing : Placing
         """
+        others = [other for other in range(len(self._poses)) if other != robot]
+        return self._drawn(robot, costmap, placing, others, FREE)
+
+    def comparable(self, robot: int, costmap: Costmap, placing: Placing) -> Costmap:
+        """Return the map of a robot for comparisons: unknown where the bodies of its group, its own too, have been.
+
+        Parameters
+        ----------
+        robot : int
+        costmap : Costmap
+            Left unchanged.
+        placing : Placing
+        """
+        return self._drawn(robot, costmap, placing, range(len(self._poses)), NO_INFORMATION)
+
+    def _drawn(self, robot: int, costmap: Costmap, placing: Placing, others: Iterable[int], cost: int) -> Costmap:
         costs = costmap.costs.copy()
-        for other, poses in enumerate(self._poses):
-            frame = None if other == robot else placing.relative(robot, other)
+        for other in others:
+            frame = placing.relative(robot, other)
             if frame is None:
                 continue
-            for pose in list(poses):
+            for pose in list(self._poses[other]):
                 body = placed(self._outline, compose(frame, pose))
-                fill_polygon(costs, costmap.resolution, costmap.origin, body, FREE)
+                fill_polygon(costs, costmap.resolution, costmap.origin, body, cost)
         return Costmap(costs, costmap.resolution, costmap.origin, costmap.frame)
