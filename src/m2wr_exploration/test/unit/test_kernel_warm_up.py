@@ -22,7 +22,7 @@ def compiled():
 def test_exploration_compiles_nothing_after_the_warm_up():
     compile_kernels()
     before = compiled()
-    assert len(before) == 11 and all(before.values())
+    assert len(before) == 12 and all(before.values())
     values = read(PARAMETERS, {"robot_radius": 0.3, "min_frontier_size": 0.0}, "~")[0]
     for name in STRATEGIES:
         kind, world = find(name), World("........\n" * 8)

@@ -11,8 +11,8 @@ import pytest
 from m2wr_exploration.frontier_kernels import visible
 from m2wr_exploration.frontiers import distances
 from m2wr_exploration.study.scenes import buildings
-from m2wr_exploration.team.map_match import match
-from m2wr_exploration.team.merge_kernels import draw_coarse
+from m2wr_exploration.team.map_match import match, refined
+from m2wr_exploration.team.merge_kernels import draw_coarse, find_free_sides
 from m2wr_exploration.team.merging import merge
 from m2wr_navigation.costmap.cost_layout import INSCRIBED
 from m2wr_navigation.costmap.costmap import Costmap
@@ -75,6 +75,42 @@ def test_a_room_with_a_door_off_the_middle_is_found():
     one = room(6.0, 4.0, [(0.5, 3.0)])
     found = match(merge([one], [POSE]), one)
     assert found.pose[:2] == pytest.approx(POSE[:2], abs=0.1)
+
+
+def beside_a_wall(left):
+    """Half of a hall with a wall of 0.2 m in its middle and a post above; the ends of the hall are not seen."""
+    costs = np.full((140, 260), 255, np.uint8)
+    costs[90:130, 10:250] = 0
+    costs[130, 10:250] = 254
+    costs[104:108, 60:64] = 254
+    columns, face = (slice(10, 130), 129) if left else (slice(133, 250), 133)
+    costs[10:90, columns] = 0
+    costs[10:90, face] = 254
+    return Costmap(costs, 0.05, np.zeros(2), "map")
+
+
+def test_the_two_faces_of_a_wall_do_not_attract_each_other():
+    found = refined(beside_a_wall(True), beside_a_wall(False), np.array([-0.03, 0.02, 0.0]))
+    assert found == pytest.approx(np.zeros(3), abs=0.03)
+
+
+def test_a_place_is_more_exact_than_a_cell(places):
+    one, other = partly_seen(places[0], 6, 1), partly_seen(places[0], 6, 2)
+    turned = merge([one], [POSE])
+    found = refined(turned, other, POSE + np.array([0.06, -0.05, 0.0]))
+    assert found == pytest.approx(POSE, abs=0.02)
+
+
+def test_free_sides_of_walls():
+    free = np.zeros((20, 20), bool)
+    free[:, :8], free[:, 12:14] = True, True
+    sides = np.full((20, 20, 2), np.nan, np.float32)
+    cells = np.array([(10, 8), (10, 11), (10, 10), (0, 8)])
+    found = find_free_sides(cells, free, 4, 1, sides)
+    assert found[0, 0] < -0.8 and abs(found[0, 1]) < 1e-6
+    assert found[1, 0] > 0.4 and abs(found[2, 0]) < found[1, 0] and found[3, 0] < 0.0
+    assert sides[10, 9] == pytest.approx(found[0]) and sides[11, 11] == pytest.approx(found[1])
+    assert np.isnan(sides[10, 6]).all() and np.isfinite(sides[0, 9]).all()
 
 
 def test_one_wall_off_the_middle_tells_two_directions_apart():

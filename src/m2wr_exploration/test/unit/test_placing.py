@@ -52,7 +52,7 @@ def test_a_place_counts_when_it_is_found_again_on_grown_maps(results):
     made = Placing(NAMES[:2])
     results.append(good())
     assert made.relative(0, 1) is None
-    assert "they are compared again when they have grown" in made.update({0: area(20.0), 1: area(20.0)})[0]
+    assert "they are compared again when they have changed" in made.update({0: area(20.0), 1: area(20.0)})[0]
     assert made.update({0: area(20.0), 1: area(21.0)}) == [] and not made.whole
     assert "robot2 lies at (2.00, -1.00), 0.500 rad on that of robot1" in made.update({0: area(20.0), 1: area(22.5)})[0]
     assert made.whole and made.relative(0, 1) == pytest.approx(POSE)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Tuple
 
+import numpy as np
 from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Complex64Array, Float32Array, FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import BoolArray, Complex64Array, Float32Array, FloatArray, IndexArray, Uint8Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -59,16 +60,78 @@ def paint(target: Uint8Array, resolution: float, origin: FloatArray, source: Uin
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def agreement(points: FloatArray, field: Float32Array, resolution: float, origin: FloatArray,
-              pose: FloatArray) -> Tuple[float, int, int]:
+def find_free_sides(cells: IndexArray, free: BoolArray, radius: int, reach: int, sides: Float32Array) -> Float32Array:
+    """Find on which side of obstacles it is free.
+
+    Parameters
+    ----------
+    cells : (N, 2) int64
+        Rows and columns of the obstacles.
+    free : (H, W) bool
+    radius : int
+        Of the disc around an obstacle in which free cells count [cells].
+    reach : int
+        To which the cells around obstacles take the side of the nearest one [cells].
+    sides : (H, W, 2) float32
+        Set around obstacles.
+
+    Returns
+    -------
+    (N, 2) float32
+        Mean direction of the free cells around each obstacle; length 1 at the edge of a half plane.
+    """
+    found = np.zeros((len(cells), 2), np.float32)
+    nearest = np.full(free.shape, reach * reach + 1, np.int64)
+    whole = 0.0
+    for down in range(-radius, radius + 1):
+        for right in range(-radius, radius + 1):
+            if down * down + right * right <= radius * radius:
+                whole += 0.5 * abs(down)
+    for number in range(len(cells)):
+        row, column = cells[number, 0], cells[number, 1]
+        for r in range(max(0, row - radius), min(free.shape[0], row + radius + 1)):
+            for c in range(max(0, column - radius), min(free.shape[1], column + radius + 1)):
+                if free[r, c] and (r - row) ** 2 + (c - column) ** 2 <= radius * radius:
+                    found[number, 0] += (c - column) / whole
+                    found[number, 1] += (r - row) / whole
+        for r in range(max(0, row - reach), min(free.shape[0], row + reach + 1)):
+            for c in range(max(0, column - reach), min(free.shape[1], column + reach + 1)):
+                away = (r - row) ** 2 + (c - column) ** 2
+                if away < nearest[r, c]:
+                    nearest[r, c] = away
+                    sides[r, c] = found[number]
+    return found
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _between(field: Float32Array, row: float, column: float) -> float:
+    """Return the value between the centres of four cells, of which those beyond the edge are like those at it."""
+    top, left = int(math.floor(row)), int(math.floor(column))
+    down, right = row - top, column - left
+    last, end = field.shape[0] - 1, field.shape[1] - 1
+    low, high = min(max(top, 0), last), min(max(top + 1, 0), last)
+    near, far = min(max(left, 0), end), min(max(left + 1, 0), end)
+    return ((1.0 - down) * ((1.0 - right) * field[low, near] + right * field[low, far])
+            + down * ((1.0 - right) * field[high, near] + right * field[high, far]))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def agreement(points: FloatArray, normals: Float32Array, field: Float32Array, sides: Float32Array, resolution: float,
+              origin: FloatArray, pose: FloatArray) -> Tuple[float, int, int]:
     """Compare the obstacles of one map with another one.
+
+    Obstacles whose free sides are opposite are the two faces of one wall: they tell nothing.
 
     Parameters
     ----------
     points : (N, 2) float64
         Obstacles of the one [m].
+    normals : (N, 2) float32
+        Direction of the free side of each; length 1, less where several sides are free.
     field : (H, W) float32
         Of the other: 0 to 1 near its obstacles, negative where it is free, 0 where it is unknown.
+    sides : (H, W, 2) float32
+        That of the nearest obstacle.
     resolution : float
         [m]
     origin : (2,) float64
@@ -87,13 +150,19 @@ def agreement(points: FloatArray, field: Float32Array, resolution: float, origin
     score, agreeing, contradicting = 0.0, 0, 0
     for number in range(len(points)):
         x, y = points[number, 0], points[number, 1]
-        row = int(math.floor((pose[1] + sine * x + cosine * y - origin[1]) / resolution))
-        column = int(math.floor((pose[0] + cosine * x - sine * y - origin[0]) / resolution))
-        if 0 <= row < field.shape[0] and 0 <= column < field.shape[1]:
-            value = field[row, column]
-            score += value
-            agreeing += value > 0.1
-            contradicting += value < 0.0
+        v = (pose[1] + sine * x + cosine * y - origin[1]) / resolution
+        u = (pose[0] + cosine * x - sine * y - origin[0]) / resolution
+        row, column = int(math.floor(v)), int(math.floor(u))
+        if not (0 <= row < field.shape[0] and 0 <= column < field.shape[1]):
+            continue
+        value, share = field[row, column], 1.0
+        if value > 0.0:
+            p, q = normals[number, 0], normals[number, 1]
+            along = (cosine * p - sine * q) * sides[row, column, 0] + (sine * p + cosine * q) * sides[row, column, 1]
+            share = min(1.0, max(0.0, 1.0 + 2.0 * along))
+        agreeing += value > 0.1 and share > 0.5
+        contradicting += value < 0.0
+        score += share * _between(field, v - 0.5, u - 0.5)
     return score, agreeing, contradicting
 
 

@@ -133,7 +133,7 @@ class Placing:
             return "the maps of {} are not placed on each other: {}".format(names, found.reason)
         if before is None or not _agree(before, found.pose, other):
             self._pending[first, second] = found.pose
-            return "the maps of {} fit, confidence {:.2f}; they are compared again when they have grown".format(
+            return "the maps of {} fit, confidence {:.2f}; they are compared again when they have changed".format(
                 names, found.confidence)
         self.join(first, second, found.pose)
         x, y, yaw = found.pose.tolist()
