@@ -45,10 +45,13 @@ class Robot:
 
     def __init__(self, x, command, pose=True):
         self.pose, self.velocity = np.array([x, 0.0, 0.0]) if pose else None, np.zeros(2)
-        self.asked, self.got, self.shown, self.others = command, None, None, None
+        self.asked, self.got, self.shown = command, None, None
 
     def locate(self):
         pass
+
+    def pose_at(self, stamp):
+        return None if self.pose is None else self.pose - np.array([stamp.to_sec(), 0.0, 0.0])
 
     def pass_scans(self):
         pass
@@ -71,13 +74,15 @@ def drive(monkeypatch, *robots, lost=(), placing=None):
     for number in lost:
         node.crew.members[number].fault = "silent"
     TeamNode._drive(node)
+    for number, robot in enumerate(robots):
+        robot.places = [place.tolist() for place in TeamNode._places(node, number, rospy.Time(1))]
     return robots
 
 
 def test_robots_that_are_apart_take_the_commands_they_want(monkeypatch):
     first, second = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(5.0, (0.3, 0.1)))
     assert (first.got, second.got) == ((0.5, 0.0), (0.3, 0.1)) and (first.shown, second.shown) == (1, 1)
-    assert first.others[0].tolist() == [5.0, 0.0]
+    assert (first.places, second.places) == ([[4.0, 0.0]], [[-1.0, 0.0]])      # at the time that was asked for
 
 
 def test_a_robot_stops_before_its_teammate(monkeypatch):
@@ -89,17 +94,18 @@ def test_a_lost_robot_stops_and_one_without_pose_gets_nothing(monkeypatch):
     lost, there, missing = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(5.0, (0.5, 0.0)),
                                  Robot(9.0, (0.5, 0.0), pose=False), lost=(0,))
     assert (lost.got, there.got, missing.got) == ((0.0, 0.0), (0.5, 0.0), None) and there.shown == 1
+    assert lost.places == [[4.0, 0.0]]
 
 
 def test_robots_that_do_not_know_of_each_other_drive_alone(monkeypatch):
     placing = Placing(["robot1", "robot2"])
     first, second = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(0.51, (0.0, 0.0)), placing=placing)
-    assert first.got == (0.5, 0.0) and first.others == [] and (first.shown, second.shown) == (0, 0)
+    assert first.got == (0.5, 0.0) and first.places == [] and (first.shown, second.shown) == (0, 0)
 
 
 def test_a_robot_stops_before_one_whose_map_has_been_placed(monkeypatch):
     placing = Placing(["robot1", "robot2"])
     placing.join(0, 1, np.array([0.51, 0.0, np.pi / 2.0]))
     first, second = drive(monkeypatch, Robot(0.0, (0.5, 0.0)), Robot(0.0, (0.0, 0.0)), placing=placing)
-    assert first.got == (0.0, 0.0) and first.others[0] == pytest.approx([0.51, 0.0])
-    assert second.others[0] == pytest.approx([0.0, 0.51])       # to the left of robot2, in its own map
+    assert first.got == (0.0, 0.0) and first.places[0] == pytest.approx([0.51, -1.0])
+    assert second.places[0] == pytest.approx([0.0, 1.51])       # to the left of robot2, in its own map

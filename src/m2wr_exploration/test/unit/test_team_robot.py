@@ -87,6 +87,14 @@ def test_its_pose_is_that_of_the_mapper_and_of_the_odometry(robot):
     assert robot.pose.tolist() == [3.0, 3.0, 0.0] and robot.posed == 100.0
 
 
+def test_its_pose_at_the_time_of_a_scan(robot):
+    robot._transforms.poses["robot1/odom", "robot1/base"] = (np.array([2.5, 3.0, 0.0]), 101.0)
+    assert robot.pose_at(rospy.Time(100)).tolist() == [3.5, 3.0, 0.0]
+    assert robot.pose_at(rospy.Time(200)).tolist() == [3.0, 3.0, 0.0]       # not known: the newest that it took
+    robot.pose = None
+    assert robot.pose_at(rospy.Time(100)) is None
+
+
 def test_before_there_is_a_map_its_start_counts(robot):
     del robot._transforms.poses["world", "robot1/odom"]
     robot.locate()
@@ -94,7 +102,7 @@ def test_before_there_is_a_map_its_start_counts(robot):
 
 
 def test_beams_that_end_on_a_teammate_are_no_measurements(ros, robot):
-    robot.others = [np.array([5.0, 3.0])]
+    robot.others = lambda stamp: [np.array([5.0, 3.0])] if stamp.to_sec() == 100.0 else []
     ros.callbacks["/robot1/m2wr/laser/scan"](scan())
     assert np.isnan(passed(ros)[0].ranges[:2]).all() and passed(ros)[0].ranges[2] == 4.0
 
@@ -192,7 +200,7 @@ def test_beams_without_an_end_may_get_a_range(ros, robot):
     ros.callbacks["/robot1/m2wr/laser/scan"](scan(ranges=endless))
     assert list(passed(ros)[0].ranges) == endless               # as measured
     made = TeamRobot("robot1", "world", "robot1/odom", "robot1/base", np.zeros(3), Frames(ros), 9.95)
-    made.others = [np.array([9.95 + 3.0, 3.0])]                 # a teammate where the beam would end
+    made.others = lambda stamp: [np.array([9.95 + 3.0, 3.0])]   # a teammate where the beam would end
     ros.callbacks["/robot1/m2wr/laser/scan"](scan(ranges=endless + [math.nan]))
     ranges = passed(ros)[-1].ranges
     assert ranges[0] == pytest.approx(9.95) and ranges[1:3] == [2.0, -math.inf] and math.isnan(ranges[3])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional
+from functools import partial
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional
 
 import numpy as np
 import rospy
@@ -37,6 +38,7 @@ from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 NODE: Dict[str, Parameter] = {
@@ -127,7 +129,8 @@ class TeamNode:
         self._state = rospy.Publisher("~state", String, queue_size=1, latch=True)
         self._markers, self._placer, self._shown, self._ticks = FrontierMarkers(), Placer(), "", 0
         self._begin()
-        for robot in self.robots:
+        for number, robot in enumerate(self.robots):
+            robot.others = partial(self._places, number)
             at_shutdown(robot.goals.stop)
         self._timer = rospy.Timer(rospy.Duration.from_sec(1.0 / RATE), self._on_timer, reset=True)
 
@@ -180,7 +183,6 @@ class TeamNode:
                 if not self.crew.placing.whole:
                     self._trails.add(number, pose)
         for number in there:
-            self.robots[number].others = [pose[:2] for pose in self.crew.teammates(number, there)]
             self.robots[number].pass_scans()
         wanted = {number: (0.0, 0.0) if self.crew.members[number].fault else self.robots[number].wanted(now)
                   for number in there}
@@ -192,6 +194,15 @@ class TeamNode:
             for number in there:
                 self.robots[number].show_teammates([placed(self._outline, pose)
                                                     for pose in self.crew.teammates(number, there)])
+
+    def _places(self, number: int, stamp: rospy.Time) -> List[FloatArray]:
+        """Return where the teammates of a robot were at a time, as far as it is known, in the frame in which it plans.
+
+        At the time of a scan, that is: a robot that drives leaves the disc that is cut out of it in 0.2 s.
+        """
+        poses = {other: robot.pose_at(stamp) for other, robot in enumerate(self.robots) if other != number}
+        known = {other: pose for other, pose in poses.items() if pose is not None}
+        return [pose[:2] for pose in self.crew.teammates(number, known)]
 
     # ---- decisions ---------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import TYPE_CHECKING, Any, Deque, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -65,7 +65,8 @@ class TeamRobot:
         self.pose: Optional[FloatArray] = None      # (3,) in the common frame
         self.posed = -np.inf                        # s: its stamp
         self.velocity: FloatArray = np.zeros(2)     # m/s, rad/s
-        self.others: Sequence[FloatArray] = ()      # (2,) m each: where the others are
+        #: Returns where the others were at a time, (2,) m each.
+        self.others: Callable[[rospy.Time], Sequence[FloatArray]] = lambda stamp: ()
         self._wanted: Tuple[float, Tuple[float, float]] = (-np.inf, (0.0, 0.0))
         self._stopped = True
         self._heard: Dict[str, float] = {}
@@ -173,6 +174,20 @@ class TeamRobot:
         self.pose, mapped = self._in_world(pose)
         self.posed = min(stamp, mapped)
 
+    def pose_at(self, stamp: rospy.Time) -> Optional[FloatArray]:
+        """Return the pose at a time, (3,) float64 in the common frame [m, m, rad]; if it is not known, the newest.
+
+        Parameters
+        ----------
+        stamp : rospy.Time
+        """
+        if self.pose is None:
+            return None
+        try:
+            return self._in_world(self._transforms.pose(self._odom, self._base, stamp))[0]
+        except TransformError:
+            return self.pose
+
     def pass_scans(self) -> None:
         """Publish the scans whose transforms are known, without the beams that end on other robots."""
         with self._lock:
@@ -195,7 +210,8 @@ class TeamRobot:
         if self._endless:
             ranges = np.array(message.ranges, np.float32)
             message.ranges = np.where(np.isposinf(ranges), np.float32(self._endless), ranges).tolist()
-        near = [place for place in self.others if np.hypot(*(place - laser[:2])) < message.range_max + 1.0]
+        near = [place for place in self.others(message.header.stamp)
+                if np.hypot(*(place - laser[:2])) < message.range_max + 1.0]
         if near:
             ranges = np.array(message.ranges, np.float32)
             angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
