@@ -110,21 +110,28 @@ class Supervisor:
         self._last_plan = self._last_command = self._last_progress = now
         self._late_since: Optional[float] = None
         self._mark: Optional[FloatArray] = None
+        self._replaces = False                                  # whether progress is counted since an earlier goal
         self._place: FloatArray = np.full(3, math.inf)          # where the robot has begun to turn
         self._heading, self._turned = 0.0, 0.0
         self._told = ""
 
-    def begin(self, now: float) -> int:
+    def begin(self, now: float, replaces: bool = False) -> int:
         """Start a goal; return its number.
 
         Parameters
         ----------
         now : float
             [s]
+        replaces : bool
+            Whether the robot was still on its way to another goal. Then it has made no progress since it last moved: a
+            robot that is stuck gets no further with a new goal each second.
         """
+        mark, progress = self._mark, self._last_progress
         self.number += 1
         self.state = PLANNING
         self._begin_counts(now)
+        if replaces:
+            self._mark, self._last_progress, self._replaces = mark, progress, True
         return self.number
 
     @property
@@ -199,7 +206,7 @@ class Supervisor:
         if self._new_plan is not None:
             self.controller.set_plan(self._new_plan, self._new_goal)
             if not self._has_plan:
-                self._last_command = self._last_progress = now
+                self._last_command, self._last_progress = now, self._last_progress if self._replaces else now
             self._new_goal, self._has_plan, self._new_plan = False, True, None
             if self.state != CLEARING or self._trigger == NO_PLAN:
                 self.state, self._running = CONTROLLING, None

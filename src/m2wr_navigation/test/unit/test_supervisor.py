@@ -191,6 +191,18 @@ def test_a_robot_that_does_not_move_is_oscillating():
     assert (outcome.result, outcome.text) == (ABORTED, OSCILLATION) and drive.now == pytest.approx(103.0, abs=0.5)
 
 
+@pytest.mark.parametrize("replaces, moved, stuck", [(True, 0.0, True), (True, 0.3, False), (False, 0.0, False)])
+def test_a_stuck_robot_is_noticed_although_its_goal_changes(replaces, moved, stuck):
+    drive, began = Drive(oscillation_timeout=3.0), []
+    drive.plan()
+    for _ in range(10):                             # a new goal each second, as from an explorer
+        began += [outcome.began for outcome in (drive.cycle() for _ in range(10)) if outcome.began]
+        drive.pose = drive.pose + [moved, 0.0, 0.0]
+        drive.number = drive.supervisor.begin(drive.now, replaces)
+        drive.plan()
+    assert bool(began) == stuck
+
+
 @pytest.mark.parametrize("step", [[0.02, 0.0, 0.0], [0.0, 0.0, 0.06]])
 def test_driving_and_turning_are_progress(step):
     drive = Drive(oscillation_timeout=3.0, recoveries=0)

@@ -194,7 +194,7 @@ class Drive:
         self.result, self.text = "", ""
         self.messages += ["{:.0f} s: {}".format(result.time, message) for message in decision.messages]
         if decision.goal is not None:
-            self.navigator.begin(result.time, decision.goal)
+            self.navigator.begin(result.time, decision.goal, self.driving)
             self.driving, self.goals = True, self.goals + 1
         elif decision.cancel:
             self.driving = False

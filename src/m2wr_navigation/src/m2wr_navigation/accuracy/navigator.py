@@ -111,7 +111,7 @@ class Navigator(Costmaps):
     def clear(self, which: str, layers: Sequence[str], side: float, inside: bool) -> int:
         return self.maps[which].clear_area(list(layers), self._pose, side, inside)
 
-    def begin(self, now: float, goal: FloatArray) -> None:
+    def begin(self, now: float, goal: FloatArray, replaces: bool = False) -> None:
         """Take a goal.
 
         Parameters
@@ -120,8 +120,10 @@ class Navigator(Costmaps):
             [s]
         goal : (3,) float64
             On the map [m, m, rad].
+        replaces : bool
+            Whether the robot was still on its way to another goal.
         """
-        self._goal, self._number = np.asarray(goal, float), self.supervisor.begin(now)
+        self._goal, self._number = np.asarray(goal, float), self.supervisor.begin(now, replaces)
         self._plan, self._planned = self._pose[None], -math.inf
 
     def look(self, now: float, scan: Scan, pose: FloatArray, clean: Optional[Scan] = None) -> None:

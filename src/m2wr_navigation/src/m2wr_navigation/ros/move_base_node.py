@@ -184,7 +184,7 @@ class MoveBase:
                     self._finish()
                     self._server.set_preempted()
                     return
-                if not self._begin(self._server.accept_new_goal().target_pose):
+                if not self._begin(self._server.accept_new_goal().target_pose, replaces=True):
                     return
             period, now = 1.0 / self._values["controller_frequency"], rospy.get_time()
             if 0.0 <= now - last < period:
@@ -206,8 +206,8 @@ class MoveBase:
         self._finish()
         self._server.set_aborted(MoveBaseResult(), KILLED)
 
-    def _begin(self, target: PoseStamped) -> bool:
-        """Start a goal; returns False if it cannot be used."""
+    def _begin(self, target: PoseStamped, replaces: bool = False) -> bool:
+        """Start a goal, instead of another one if it replaces that; returns False if it cannot be used."""
         try:
             self._goal = goal_pose(target, self.maps["global"].frame, self.transforms)
         except GoalError as error:
@@ -216,7 +216,7 @@ class MoveBase:
             self._server.set_aborted(MoveBaseResult(), BAD_QUATERNION if error.quaternion else str(error))
             return False
         now = rospy.get_time()
-        number, self._plan_in_use = self._supervisor.begin(now), None
+        number, self._plan_in_use = self._supervisor.begin(now, replaces), None
         message = PoseStamped()
         message.header.frame_id, message.header.stamp = self.maps["global"].frame, rospy.Time.now()
         message.pose = pose_message(self._goal)
