@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -183,6 +183,8 @@ class Explorer:
         self.view = self._look(now, costmap, pose, known)
         if self.view.reason:
             return Decision(messages=self._once(self.view.reason))
+        if others and known is not None:
+            self.view = self._with_target(self.view, known)
         self._measure_reachable(self.view.costmap, pose)
         for entry in self.aside.forget_changed(costmap, self.view.frontiers):
             messages.append("the map around {} has changed: it may be explored again".format(entry.place))
@@ -241,6 +243,23 @@ class Explorer:
         assert wide is not None and self._start is not None
         around_start = wide if wide.frontiers else look(costmap, self._start[:2], least, radius, corner, known)
         return around_start if around_start.frontiers else wide
+
+    def _with_target(self, view: View, known: Costmap) -> View:
+        """Return the view with the robot's target, if its costmap knows what is unknown there, and the map does not yet.
+
+        Costmaps show more than maps near to a robot. If it turned back where its own costmap shows enough, a hole that
+        the map keeps would be a frontier of the next teammate, and of each one after it.
+        """
+        target, least = self.target, 0.0 if self.target is None else 0.5 * len(self.target.points)
+        if target is None or _same(view.frontiers, target) is not None \
+                or len(_unknown_of(known, target.points)) <= least \
+                or len(_unknown_of(view.costmap, target.points)) >= least:
+            return view
+        cell = view.costmap.cell(*target.goal)
+        if cell is None or not np.isfinite(view.distance[cell]):
+            return view
+        held = replace(target, cells=view.costmap.cells(target.points), goal_cell=cell, path=float(view.distance[cell]))
+        return replace(view, frontiers=view.frontiers + [held])
 
     def _any_allowed(self, now: float, view: View) -> bool:
         return any(self.aside.allows(now, frontier) for frontier in view.frontiers)
@@ -320,10 +339,7 @@ class Explorer:
 
     def _still_there(self, target: Frontier) -> Optional[Frontier]:
         assert self.view is not None
-        for frontier in self.view.frontiers:
-            if np.hypot(*(frontier.centre - target.centre)) < SAME_FRONTIER:
-                return frontier
-        return None
+        return _same(self.view.frontiers, target)
 
     # ---- the next goal -----------------------------------------------------------------------------------------
 
@@ -472,6 +488,14 @@ class Explorer:
         told = "the robot is back at its start" if result == "succeeded" else \
             "the robot did not get back to its start: " + (text or result)
         return Decision(messages=(told,), state=DONE)
+
+
+def _same(frontiers: Sequence[Frontier], target: Frontier) -> Optional[Frontier]:
+    """Return the frontier of a later map that is the target; None: there is none."""
+    for frontier in frontiers:
+        if np.hypot(*(frontier.centre - target.centre)) < SAME_FRONTIER:
+            return frontier
+    return None
 
 
 def _way(view: View, other: Teammate, frontier: Frontier) -> float:

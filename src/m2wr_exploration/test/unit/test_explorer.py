@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exploration_grids import World, grid
-from m2wr_exploration.explorer import DONE, EXPLORING, PARAMETERS, RETURNING, Explorer, Teammate
+from m2wr_exploration.explorer import DONE, EXPLORING, LOOKED, PARAMETERS, RETURNING, Explorer, Teammate
 from m2wr_exploration.frontiers import Frontier, View
 from m2wr_exploration.registry import find
 from m2wr_navigation.parameters import read
@@ -255,6 +255,36 @@ def test_no_robot_ends_while_a_teammate_will_try_again():
         assert made.step(float(now), world.known, np.array(START), others=waits).state == EXPLORING
     gone = [Teammate(np.array([1.5, 1.0]))]
     assert [made.step(now, world.known, np.array(START), others=gone).state for now in (20.0, 30.0)][-1] == DONE
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_a_robot_of_a_team_drives_on_until_the_merged_map_shows_it(together):
+    """It turned back where its own costmap showed a hole; this was a frontier of the next robot, and of the next."""
+    world, made, far = World(HOUSE), explorer(look_time=3.0), np.array((8.25, 0.75))
+    world.see(*START[:2])
+    others = [Teammate(far, far, goal=far)] if together else []
+
+    def step(now, costmap, known, result=""):
+        return made.step(now, costmap, np.array(START), result, others=others, known=known)
+
+    assert step(0.0, world.known, world.known).goal is not None
+    target = made.target.centre
+    for now in (1.0, 2.0):
+        step(now, world.truth, world.known)
+        assert (made.target is not None) == together
+    if together:
+        assert made.target.centre == pytest.approx(target)
+        assert not step(3.0, world.truth, world.known, "succeeded").messages and made.target is not None
+        assert LOOKED in step(7.0, world.truth, world.known).messages[0]        # the map keeps the hole: others are told
+        assert [entry.reason for entry in made.aside.entries] == [LOOKED]
+
+
+def test_a_robot_of_a_team_drives_on_no_longer_than_that():
+    world, made, far = World(HOUSE), explorer(), np.array((8.25, 0.75))
+    world.see(*START[:2])
+    made.step(0.0, world.known, np.array(START), others=[Teammate(far, far, goal=far)], known=world.known)
+    made.step(1.0, world.truth, np.array(START), others=[Teammate(far, far, goal=far)], known=world.truth)
+    assert made.target is None
 
 
 def test_a_frontier_that_no_teammate_takes_is_not_left_again(monkeypatch):

@@ -89,8 +89,8 @@ class _Side:
         away *= np.float32(size)
         self.field = np.where(away <= NEAR, np.exp(-0.5 * np.square(away / SPREAD)), -AGAINST * free).astype(np.float32)
         self.sides = np.zeros(costmap.shape + (2,), np.float32)
-        self.normals = find_free_sides(np.argwhere(lethal), free, max(1, round(BESIDE / size)), math.ceil(NEAR / size),
-                                       self.sides)
+        self.normals = find_free_sides(np.ascontiguousarray(np.argwhere(lethal)), free, max(1, round(BESIDE / size)),
+                                       math.ceil(NEAR / size), self.sides)
         known = np.concatenate([self.points, self.free])
         self.middle = 0.5 * (known.min(axis=0) + known.max(axis=0)) if len(known) else np.zeros(2)
         self.reach = float(np.sqrt(np.square(known - self.middle).sum(axis=1).max())) if len(known) else 0.0
