@@ -245,7 +245,7 @@ class Explorer:
         return around_start if around_start.frontiers else wide
 
     def _with_target(self, view: View, known: Costmap) -> View:
-        """Return the view with the robot's target, if its costmap knows what is unknown there, and the map does not yet.
+        """Return the view with the robot's target, if its own costmap knows what is there, and the map does not yet.
 
         Costmaps show more than maps near to a robot. If it turned back where its own costmap shows enough, a hole that
         the map keeps would be a frontier of the next teammate, and of each one after it.

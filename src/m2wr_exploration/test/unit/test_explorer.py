@@ -258,7 +258,7 @@ def test_no_robot_ends_while_a_teammate_will_try_again():
 
 
 @pytest.mark.parametrize("together", [True, False])
-def test_a_robot_of_a_team_drives_on_until_the_merged_map_shows_it(together):
+def test_in_a_team_a_robot_looks_until_the_merged_map_shows_it(together):
     """It turned back where its own costmap showed a hole; this was a frontier of the next robot, and of the next."""
     world, made, far = World(HOUSE), explorer(look_time=3.0), np.array((8.25, 0.75))
     world.see(*START[:2])
@@ -275,11 +275,11 @@ def test_a_robot_of_a_team_drives_on_until_the_merged_map_shows_it(together):
     if together:
         assert made.target.centre == pytest.approx(target)
         assert not step(3.0, world.truth, world.known, "succeeded").messages and made.target is not None
-        assert LOOKED in step(7.0, world.truth, world.known).messages[0]        # the map keeps the hole: others are told
+        assert LOOKED in step(7.0, world.truth, world.known).messages[0]    # the map keeps the hole: it tells others
         assert [entry.reason for entry in made.aside.entries] == [LOOKED]
 
 
-def test_a_robot_of_a_team_drives_on_no_longer_than_that():
+def test_in_a_team_a_robot_looks_no_longer_than_that():
     world, made, far = World(HOUSE), explorer(), np.array((8.25, 0.75))
     world.see(*START[:2])
     made.step(0.0, world.known, np.array(START), others=[Teammate(far, far, goal=far)], known=world.known)

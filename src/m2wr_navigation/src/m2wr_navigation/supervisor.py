@@ -125,6 +125,10 @@ class Supervisor:
         replaces : bool
             Whether the robot was still on its way to another goal. Then it has made no progress since it last moved: a
             robot that is stuck gets no further with a new goal each second.
+
+        Returns
+        -------
+        int
         """
         mark, progress = self._mark, self._last_progress
         self.number += 1
