@@ -142,7 +142,7 @@ class Explorer:
         self._best = self._path = math.inf  # m: the shortest path to the goal since the last detour, and that of now
         self._progress, self._detours = 0.0, 0
         self._empty_since: Optional[float] = None
-        self._left: List[FloatArray] = []   # (2,) float64 [m]: centres of frontiers that it has left to the others
+        self._left: List[Frontier] = []     # that it has left to the others
         self._known, self._grew = -math.inf, 0.0
         self._area = self._reachable = 0.0  # m^2: that can be reached now, and once on wide ways
         self._told = ""
@@ -401,8 +401,7 @@ class Explorer:
         Frontiers to which teammates drive are theirs, unless this robot is nearer by CLOSER. One that was left to
         teammates the last time, and that none has taken, is not left again: as maps differ, all may wait.
         """
-        offered = [any(np.hypot(*(frontier.centre - place)) < SAME_FRONTIER for place in self._left)
-                   for frontier in frontiers]
+        offered = [_same(self._left, frontier) is not None for frontier in frontiers]
         costs = [[frontier.path for frontier in frontiers]]
         for other in others:
             field = None if other.target is not None else _field(view, other)
@@ -414,7 +413,7 @@ class Explorer:
             for frontier in frontiers)]
         found = assign(np.array(costs), np.array([frontier.centre for frontier in frontiers]),
                        np.array(claims).reshape(-1, 2), AUCTION_REACH)
-        self._left = [frontier.centre for frontier in frontiers] if found[0] < 0 else []
+        self._left = frontiers if found[0] < 0 else []
         return None if found[0] < 0 else frontiers[found[0]]
 
     def _wait(self, pose: FloatArray, others: Sequence[Teammate], messages: List[str], why: str) -> Decision:
@@ -491,7 +490,7 @@ class Explorer:
 
 
 def _same(frontiers: Sequence[Frontier], target: Frontier) -> Optional[Frontier]:
-    """Return the frontier of a later map that is the target; None: there is none."""
+    """Return the frontier of another map that is the target; None: there is none."""
     for frontier in frontiers:
         if np.hypot(*(frontier.centre - target.centre)) < SAME_FRONTIER:
             return frontier

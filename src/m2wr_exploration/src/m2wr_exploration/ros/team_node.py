@@ -198,7 +198,7 @@ class TeamNode:
     def _places(self, number: int, stamp: rospy.Time) -> List[FloatArray]:
         """Return where the teammates of a robot were at a time, as far as it is known, in the frame in which it plans.
 
-        At the time of a scan, that is: a robot that drives leaves the disc that is cut out of it in 0.2 s.
+        The time is that of a scan: in 0.2 s a robot drives out of the disc that is cut out of the scan.
         """
         poses = {other: robot.pose_at(stamp) for other, robot in enumerate(self.robots) if other != number}
         known = {other: pose for other, pose in poses.items() if pose is not None}
@@ -250,7 +250,7 @@ class TeamNode:
         maps = {number: costmap for number, costmap in (
             (number, robot.map.snapshot()) for number, robot in enumerate(self.robots)) if costmap is not None}
         self._place(maps)
-        maps = {number: self._trails.cleared(number, costmap, self.crew.placing) for number, costmap in maps.items()}
+        maps = self._trails.cleared(maps, self.crew.placing)
         common: Optional[Costmap] = None
         for number, robot in enumerate(self.robots):
             try:
@@ -272,8 +272,7 @@ class TeamNode:
         before = self.crew.placing
         if before.known or self._placer.busy:       # trails are only drawn for a comparison
             return
-        compared = {number: self._trails.comparable(number, costmap, before) for number, costmap in maps.items()}
-        placing, told = self._placer.turn(before, compared)
+        placing, told = self._placer.turn(before, self._trails.comparable(maps, before))
         for message in told:
             rospy.loginfo("%s", message)
         if placing is not before:

@@ -160,9 +160,9 @@ class _Team:
         """Look where the maps lie; return for each robot those of its group, merged."""
         maps = {number: drive.survey.snapshot() for number, drive in enumerate(self.drives)}
         placing = self.crew.placing
-        compared = {number: self._trails.comparable(number, costmap, placing) for number, costmap in maps.items()}
-        self.drives[0].messages += ["{:.0f} s: {}".format(now, text) for text in placing.update(compared)]
-        maps = {number: self._trails.cleared(number, costmap, placing) for number, costmap in maps.items()}
+        told = placing.update(self._trails.comparable(maps, placing))
+        self.drives[0].messages += ["{:.0f} s: {}".format(now, text) for text in told]
+        maps = self._trails.cleared(maps, placing)
         zeros = [np.zeros(3)] * len(maps)
         merged = [self.crew.merged(number, maps, zeros, "map") for number in maps]
         return [costmap for costmap in merged if costmap is not None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING, Deque, Iterable, List
+from typing import TYPE_CHECKING, Deque, Dict, Iterable, List, Mapping
 
 import numpy as np
 
@@ -58,30 +58,31 @@ class Trails:
                 or abs(math.remainder(pose[2] - poses[-1][2], 2.0 * math.pi)) >= TURN:
             poses.append(np.array(pose, float))
 
-    def cleared(self, robot: int, costmap: Costmap, placing: Placing) -> Costmap:
-        """Return the map of a robot, free where the bodies of the others of its group have been.
+    def cleared(self, maps: Mapping[int, Costmap], placing: Placing) -> Dict[int, Costmap]:
+        """Return maps, free where the bodies of the other robots of the group have been.
 
         Parameters
         ----------
-        robot : int
-        costmap : Costmap
-            Left unchanged.
+        maps : mapping of int to Costmap
+            By robot, each in its own frame; left unchanged.
         placing : Placing
         """
-        others = [other for other in range(len(self._poses)) if other != robot]
-        return self._drawn(robot, costmap, placing, others, FREE)
+        robots = range(len(self._poses))
+        return {robot: self._drawn(robot, costmap, placing, [other for other in robots if other != robot], FREE)
+                for robot, costmap in maps.items()}
 
-    def comparable(self, robot: int, costmap: Costmap, placing: Placing) -> Costmap:
-        """Return the map of a robot for comparisons: unknown where the bodies of its group, its own too, have been.
+    def comparable(self, maps: Mapping[int, Costmap], placing: Placing) -> Dict[int, Costmap]:
+        """Return maps for comparisons: unknown where the bodies of the group, that of the robot too, have been.
 
         Parameters
         ----------
-        robot : int
-        costmap : Costmap
-            Left unchanged.
+        maps : mapping of int to Costmap
+            As for :meth:`cleared`.
         placing : Placing
         """
-        return self._drawn(robot, costmap, placing, range(len(self._poses)), NO_INFORMATION)
+        robots = range(len(self._poses))
+        return {robot: self._drawn(robot, costmap, placing, robots, NO_INFORMATION)
+                for robot, costmap in maps.items()}
 
     def _drawn(self, robot: int, costmap: Costmap, placing: Placing, others: Iterable[int], cost: int) -> Costmap:
         costs = costmap.costs.copy()
