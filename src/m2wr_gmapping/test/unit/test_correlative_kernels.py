@@ -18,10 +18,11 @@ def room(seed):
 
 
 def drawn(points, corner):
-    raster, coarse = np.zeros((160, 160), np.uint8), np.zeros((160, 160), np.uint8)
+    raster, pairs, coarse = np.zeros((3, 160, 160), np.uint8)
     ck.stamp_points(np.zeros(3), points, corner, 10.0, raster)
-    ck.block_maximum(raster, coarse)
-    return raster, coarse
+    ck.block_maximum(raster, ck.BLOCK // 2, pairs)
+    ck.block_maximum(raster, ck.BLOCK, coarse)
+    return raster, pairs, coarse
 
 
 def value(points, pose, corner, raster):
@@ -35,23 +36,24 @@ def value(points, pose, corner, raster):
     return total / (255.0 * points.shape[1])
 
 
-def test_block_maximum_equals_reference():
+@pytest.mark.parametrize("size", [ck.BLOCK // 2, ck.BLOCK])
+def test_block_maximum_equals_reference(size):
     raster = np.random.default_rng(0).integers(0, 256, (23, 31)).astype(np.uint8)
     out = np.zeros_like(raster)
-    ck.block_maximum(raster, out)
+    ck.block_maximum(raster, size, out)
     for y in range(23):
         for x in range(31):
-            assert out[y, x] == raster[y:y + ck.BLOCK, x:x + ck.BLOCK].max()
+            assert out[y, x] == raster[y:y + size, x:x + size].max()
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_bounded_search_equals_exhaustive_search(seed):
     points, corner = room(seed)
-    raster, coarse = drawn(points, corner)
+    raster, pairs, coarse = drawn(points, corner)
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.1, 0.1)])
     turns, best = np.linspace(-0.2, 0.2, 9), np.zeros(7)
-    ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
     # whole-cell offsets of the cells that the points fall into without one
     top = max(value(points, centre + [0.1 * dx, 0.1 * dy, turn], corner, raster)
               for turn in turns for dx in range(-10, 10) for dy in range(-10, 10))
@@ -63,31 +65,58 @@ def test_rival_pose_is_reported():
     points = np.stack([np.linspace(-1, 1, 40), np.full(40, 0.5)])
     corner = np.array([-8.0, -8.0])
     twice = np.concatenate([points, points + [[0.0], [1.5]]], axis=1)
-    raster, coarse = drawn(twice, corner)
+    raster, pairs, coarse = drawn(twice, corner)
     best, all_of_it = np.zeros(7), np.ones((11, 11), np.uint8)
-    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
     assert best[4] > 0.9 * best[3] and abs(best[5]) < 0.15
     assert abs(best[6] - best[1]) == pytest.approx(1.5, abs=0.15)
-    raster, coarse = drawn(points, corner)
-    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    raster, pairs, coarse = drawn(points, corner)
+    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
     assert best[4] < 0.9 * best[3]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_places_below_the_least_score_are_left_out(seed):
+    points, corner = room(seed)
+    rasters, turns, best = drawn(points, corner), np.linspace(-0.2, 0.2, 9), np.zeros((3, 7))
+    for least, out in ((0.0, best[0]), (0.9, best[1]), (1.01, best[2])):
+        ck.search(np.zeros(3), points, turns, np.ones((5, 5), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, least, out)
+    assert best[0, 3] > 0.9 and (best[0] == best[1]).all() and best[2, 3] == best[2, 4] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rival_is_apart_from_the_best_place(seed):
+    rng = np.random.default_rng(seed)
+    points, corner = rng.uniform(-3.0, 3.0, (2, 40)), np.array([-8.0, -8.0])
+    copies = [points + rng.uniform(-1.5, 1.5, (2, 1)) for _ in range(3)]
+    rasters, best = drawn(np.concatenate(copies, axis=1), corner), np.zeros(7)
+    ck.search(np.zeros(3), points, np.zeros(1), np.ones((11, 11), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, 0.0, best)
+    scores = {(dx, dy): value(points, [0.1 * dx, 0.1 * dy, 0.0], corner, rasters[0])
+              for dx in range(-22, 22) for dy in range(-22, 22)}
+    at = tuple(np.round(10.0 * best[:2]).astype(int))
+    assert best[3] == pytest.approx(max(scores.values())) == pytest.approx(scores[at])
+    apart = [score for (dx, dy), score in scores.items() if max(abs(dx - at[0]), abs(dy - at[1])) > 6]
+    assert (best[4] > 0.0) == (max(apart) >= 0.9 * best[3])
+    if best[4]:
+        other = tuple(np.round(10.0 * best[5:]).astype(int))
+        assert scores[other] == pytest.approx(best[4]) and max(abs(other[0] - at[0]), abs(other[1] - at[1])) > 6
 
 
 def test_search_is_limited_to_allowed_blocks():
     points, corner = room(3)
-    raster, coarse = drawn(points, corner)
+    raster, pairs, coarse = drawn(points, corner)
     allowed, best = np.zeros((9, 9), np.uint8), np.zeros(7)
     allowed[4, 7] = 1                   # three blocks to the right of the place that fits
-    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
     assert best[0] == pytest.approx(1.2, abs=0.21) and abs(best[1]) < 0.21 and best[3] < 0.9
     allowed[4, 4] = 1
-    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
     assert np.abs(best[:2]).max() < 0.15 and best[3] > 0.95
 
 
 def test_unknown_cells_do_not_change_the_rating():
     points, corner = room(5)
-    raster, _ = drawn(points[:, points[0] < 1.0], corner)
+    raster, *_ = drawn(points[:, points[0] < 1.0], corner)
     seen = np.zeros_like(raster)
     ck.mark_seen(np.zeros(3), points[:, points[0] < 1.0], corner, 10.0, seen)
     centre, turns = np.array([0.1, -0.2, 0.03]), np.array([-0.05, 0.0, 0.05])
@@ -134,7 +163,7 @@ def test_rays_are_clipped_to_the_raster(seed):
 
 def test_window_search_prefers_the_centre_on_ties():
     points, corner = room(9)
-    raster, _ = drawn(points, corner)
+    raster, *_ = drawn(points, corner)
     steps = np.arange(-4, 5) * 0.1
     offsets = np.array([[x, y, 0.0] for x in steps for y in steps])
     turns, best = np.array([[t, 0.0] for t in (-0.1, 0.0, 0.1)]), np.zeros(4)

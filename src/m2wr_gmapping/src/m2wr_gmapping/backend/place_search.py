@@ -2,6 +2,7 @@
 """Search for old places: the newest scans against old ones, coarse to fine, and conditions that reject a result."""
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple, Union
 
@@ -70,23 +71,36 @@ class Scene:
         return np.hypot(self.path[:, 0] - self.path[-1, 0], self.path[:, 1] - self.path[-1, 1])
 
 
-def _raster(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
-            readings: Sequence[ScanReading], window: float, raster_cell: float) -> Tuple[FloatArray, Uint8Array]:
-    """Return the corner (2,) [m] and the raster of the reference nodes' end points around ``pose``."""
-    radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
-    corner = pose[:2] - radius
-    cells = int(2.0 * radius / raster_cell) + 2
-    raster = np.zeros((cells, cells), np.uint8)
-    for node in reference:
-        ck.stamp_points(path[node], readings[node].points, corner, 1.0 / raster_cell, raster)
-    return corner, raster
+@dataclass(frozen=True)
+class Raster:
+    """End points of old scans around a place.
+
+    Attributes
+    ----------
+    corner : (2,) float64
+        Position in ``map`` [m].
+    cell : float
+        [m]
+    values : (H, W) uint8
+        Of ``correlative_kernels.stamp_points``.
+    """
+
+    corner: FloatArray
+    cell: float
+    values: Uint8Array
+
+    @functools.cached_property
+    def maxima(self) -> Tuple[Uint8Array, Uint8Array]:
+        """Maxima of the blocks of two sizes, for ``correlative_kernels.search``."""
+        found = np.empty_like(self.values), np.empty_like(self.values)
+        for out, size in zip(found, (ck.BLOCK // 2, ck.BLOCK)):
+            ck.block_maximum(self.values, size, out)
+        return found
 
 
-def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
-                  readings: Sequence[ScanReading], window: float, turn: float, raster_cell: float,
-                  allowed: Optional[Callable[[FloatArray], Uint8Array]] = None,
-                  headings: Sequence[float] = (0.0,)) -> FloatArray:
-    """Search the query around ``pose`` in a raster of the reference nodes' end points.
+def raster_around(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
+                  readings: Sequence[ScanReading], window: float, cell: float) -> Raster:
+    """Return the raster of old end points in which the query can be searched around ``pose``.
 
     Parameters
     ----------
@@ -101,11 +115,36 @@ def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, referen
     readings : sequence of K ScanReading
         Scans of the path's nodes.
     window : float
-        Half width of the search [m].
-    turn : float
-        Half width of the search [rad].
-    raster_cell : float
-        Cell size of the raster [m].
+        Greatest half width of a search [m].
+    cell : float
+        [m]
+    """
+    radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
+    corner = pose[:2] - radius
+    cells = int(2.0 * radius / cell) + 2
+    values = np.zeros((cells, cells), np.uint8)
+    for node in reference:
+        ck.stamp_points(path[node], readings[node].points, corner, 1.0 / cell, values)
+    return Raster(corner, cell, values)
+
+
+def coarse_search(raster: Raster, pose: FloatArray, query: FloatArray, window: float, turn: float, least: float = 0.0,
+                  allowed: Optional[Callable[[FloatArray], Uint8Array]] = None,
+                  headings: Sequence[float] = (0.0,)) -> FloatArray:
+    """Search the query around ``pose`` in a raster.
+
+    Parameters
+    ----------
+    raster : Raster
+        Around ``pose``.
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    query : (2, Q) float64
+        Points of the query in the newest node's frame [m].
+    window, turn : float
+        Half widths of the search [m], [rad].
+    least : float
+        Places with a smaller score are not searched, except for rivals; this saves time.
     allowed : callable or None
         Takes the offsets (N,) of the blocks' centres along x and y [m]; returns (N, N) uint8, nonzero for blocks to
         search, rows along y.
@@ -117,20 +156,18 @@ def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, referen
     (7,) float64
         ``best`` of ``correlative_kernels.search``.
     """
-    corner, raster = _raster(pose, query, path, reference, readings, window, raster_cell)
-    coarse = np.empty_like(raster)
-    ck.block_maximum(raster, coarse)
+    cell = raster.cell
     typical = max(1.0, float(np.hypot(query[0], query[1]).mean()))
-    count = int(np.ceil(turn * typical / raster_cell))
-    turns = np.add.outer(headings, np.arange(-count, count + 1) * (raster_cell / typical)).ravel()
-    blocks = int(np.ceil(window / raster_cell / ck.BLOCK))
+    count = int(np.ceil(turn * typical / cell))
+    turns = np.add.outer(headings, np.arange(-count, count + 1) * (cell / typical)).ravel()
+    blocks = int(np.ceil(window / cell / ck.BLOCK))
     mask = np.ones((2 * blocks + 1, 2 * blocks + 1), np.uint8)
     if allowed is not None:
-        middles = np.arange(-blocks, blocks + 1) * ck.BLOCK * raster_cell
+        middles = np.arange(-blocks, blocks + 1) * ck.BLOCK * cell
         mask[:] = allowed(middles)
     best = np.empty(7)
-    ck.search(pose, query, turns, mask, corner, 1.0 / raster_cell, raster, coarse,
-              int(round(SEARCH.apart[0] / raster_cell)), SEARCH.apart[1], SEARCH.rival, best)
+    ck.search(pose, query, turns, mask, raster.corner, 1.0 / cell, raster.values, *raster.maxima,
+              int(round(SEARCH.apart[0] / cell)), SEARCH.apart[1], SEARCH.rival, least, best)
     return best
 
 
@@ -141,14 +178,14 @@ def _rated(pose: FloatArray, query: FloatArray, scene: Scene, reference: IndexAr
     Returns ``rating`` and ``turn`` [rad] of ``correlative_kernels.survey``.
     """
     window = len(allowed) // 2 * raster_cell
-    corner, raster = _raster(pose, query, scene.path, reference, scene.readings, window, raster_cell)
-    seen = np.zeros_like(raster)
+    raster = raster_around(pose, query, scene.path, reference, scene.readings, window, raster_cell)
+    seen = np.zeros_like(raster.values)
     for node in reference:
-        ck.mark_seen(scene.path[node], scene.readings[node].rays, corner, 1.0 / raster_cell, seen)
+        ck.mark_seen(scene.path[node], scene.readings[node].rays, raster.corner, 1.0 / raster_cell, seen)
     turns = np.arange(-2, 3) * (0.5 * raster_cell / max(1.0, float(np.hypot(query[0], query[1]).mean())))
     rating, turn = np.empty((2, *allowed.shape))
-    ck.survey(pose, query, turns, allowed, corner, 1.0 / raster_cell, raster, seen, SEARCH.against, SEARCH.rival,
-              rating, turn)
+    ck.survey(pose, query, turns, allowed, raster.corner, 1.0 / raster_cell, raster.values, seen, SEARCH.against,
+              SEARCH.rival, rating, turn)
     return rating, turns[turn.astype(np.int64)]
 
 
@@ -222,7 +259,8 @@ def near_search(scene: Scene, old: IndexArray) -> Tuple[Optional[FloatArray], bo
     if query.shape[1] < SEARCH.fewest:
         return None, False
     window, turn = scene.shift[old].max(), scene.turn[old].max()
-    best = coarse_search(path[-1], query, path, reference, readings, window, turn, NEAR_CELL)
+    raster = raster_around(path[-1], query, path, reference, readings, window, NEAR_CELL)
+    best = coarse_search(raster, path[-1], query, window, turn, SEARCH.least_score)
     if best[3] < SEARCH.least_score:
         return None, False
     if not _has_rival(best):
@@ -230,7 +268,7 @@ def near_search(scene: Scene, old: IndexArray) -> Tuple[Optional[FloatArray], bo
         if pose is not None and (pose == best[:3]).all():
             return pose, False
     least = SEARCH.rival * best[3]
-    best = coarse_search(path[-1], query, path, reference, readings, *SEARCH.local, NEAR_CELL)
+    best = coarse_search(raster, path[-1], query, *SEARCH.local, least)
     return (best[:3] if best[3] >= least else None), True
 
 
@@ -311,11 +349,14 @@ def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach:
     if query.shape[1] < SEARCH.fewest or not len(reference):
         return query, np.zeros(7), 0.0
     away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
-    best = coarse_search(pose, query, path, reference, readings, SEARCH.beyond * float(shifts.max()), turn, cell,
+    window = SEARCH.beyond * float(shifts.max())
+    best = coarse_search(raster_around(pose, query, path, reference, readings, window, cell), pose, query, window, turn,
+                         SEARCH.least_score,
                          lambda middles: near_places(middles, away, DRIFT.room, 0.0, SEARCH.beyond * shifts))
     score = float(best[3])
     if is_unique(best):
-        best = coarse_search(best[:3], query, path, reference, readings, *DRIFT.least, NEAR_CELL)
+        raster = raster_around(best[:3], query, path, reference, readings, DRIFT.least[0], NEAR_CELL)
+        best = coarse_search(raster, best[:3], query, *DRIFT.least, SEARCH.least_score)
     return query, best, score
 
 
@@ -333,8 +374,8 @@ def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, ref
         return near_places(middles, away, DRIFT.room) * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
 
     window = float(np.hypot(*moved)) + float(most.max())
-    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, DRIFT.least[1], NEAR_CELL,
-                         allowed)
+    raster = raster_around(best[:3], query, scene.path, reference, scene.readings, window, NEAR_CELL)
+    return coarse_search(raster, best[:3], query, window, DRIFT.least[1], SEARCH.least_score, allowed)
 
 
 def _older_nodes(scene: Scene, reach: float, distance: float, drift: float = 0.0) -> IndexArray:
@@ -370,7 +411,8 @@ def score_here(query: FloatArray, path: FloatArray, reference: IndexArray, readi
     readings : sequence of K ScanReading
         Scans of the path's nodes.
     """
-    return float(coarse_search(path[-1], query, path, reference, readings, *SEARCH.local, WIDE_CELL)[3])
+    raster = raster_around(path[-1], query, path, reference, readings, SEARCH.local[0], WIDE_CELL)
+    return float(coarse_search(raster, path[-1], query, *SEARCH.local)[3])
 
 
 def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexArray]:
@@ -380,7 +422,8 @@ def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexA
         return np.zeros(7), known
     reference = evenly(known, SEARCH.nodes[1])
     away, least = path[known, :2] - path[-1, :2], SEARCH.beyond * scene.shift[known] + SEARCH.apart[0]
-    best = coarse_search(path[-1], query, path, reference, scene.readings, SEARCH.alike, DRIFT.least[1], WIDE_CELL,
+    raster = raster_around(path[-1], query, path, reference, scene.readings, SEARCH.alike, WIDE_CELL)
+    best = coarse_search(raster, path[-1], query, SEARCH.alike, DRIFT.least[1], 0.0,
                          lambda middles: near_places(middles, away, DRIFT.room, least, SEARCH.alike))
     return best, reference
 

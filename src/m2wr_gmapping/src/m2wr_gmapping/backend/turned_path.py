@@ -89,15 +89,13 @@ class TurnedPath:
         list of TurnedFind or None
         """
         here = along[-1]
-        if here - self._searched_at < LOOPS.every:
+        follows = bool(self._finds) and self._finds[-1].along == self._searched_at
+        if here - self._searched_at < (LOOPS.every if follows else LOOPS.spacing):
             return None
-        doubtful[:] = [doubt for doubt in doubtful if not self._is_settled(path, doubt[0])]
+        self._remove_settled(path, doubtful)
         # the newest scans have to be from after the turn, and the oldest from before
         doubts = [doubt for doubt in doubtful if SEARCH.path < along[doubt[0]] < here - SEARCH.path]
         if not any(alike.any() for _, alike in doubts):
-            return None
-        follows = bool(self._finds) and self._finds[-1].along == self._searched_at
-        if not follows and here - self._searched_at < LOOPS.spacing:
             return None
         self._searched_at = here
         shift, turn = self._graph.drift(path, len(path) - 1)
@@ -105,8 +103,7 @@ class TurnedPath:
         if self._finds:         # the place of the newest scans after the last turn found is known already
             found = self._verify(path, along, readings, doubts, shift, self._finds[-1].correction)
         if found is None:
-            nodes = [node for node, _ in doubts]
-            correction = self._coarse(path, along, readings, nodes, shift, float(turn[nodes].max()))
+            correction = self._coarse(path, along, readings, doubts, shift, turn)
             found = None if correction is None else self._verify(path, along, readings, doubts, shift, correction)
         if found is None:
             return None
@@ -117,24 +114,32 @@ class TurnedPath:
         self._finds = [find for find in self._finds if not _agrees(find, found, path[-1])]
         return agreed
 
-    def _is_settled(self, path: FloatArray, node: int) -> bool:
-        """Whether enough loop closures connect the path before ``node`` with that after it.
+    def _remove_settled(self, path: FloatArray, doubtful: List[Doubt]) -> None:
+        """Remove the doubts where enough loop closures connect the path before with that after.
 
         Only those far from it count: a place that looks alike after a turn is the reason for the doubt.
         """
-        across = np.array([new for old, new, _, _ in self._graph.links if old < node <= new], int)
-        return int((np.hypot(*(path[across] - path[node])[:, :2].T) > SEARCH.reach).sum()) >= TURNS.count
+        old, new = np.array([link[:2] for link in self._graph.links], int).reshape(-1, 2).T
+
+        def is_settled(node: int) -> bool:
+            across = new[(old < node) & (node <= new)]
+            return int((np.hypot(*(path[across] - path[node])[:, :2].T) > SEARCH.reach).sum()) >= TURNS.count
+
+        doubtful[:] = [doubt for doubt in doubtful if not is_settled(doubt[0])]
 
     def _coarse(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                nodes: List[int], shift: FloatArray, turn: float) -> Optional[FloatArray]:
+                doubts: List[Doubt], shift: FloatArray, turn: FloatArray) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node.
 
         All right angles at all nodes compete, those too after which the place does not look alike. The window is the
-        drift since the turn, ``shift`` against all nodes [m] and ``turn`` [rad].
+        drift since the turn, ``shift`` [m] and ``turn`` [rad] against all nodes.
         """
-        last, newest = nodes[-1], path[-1]
+        nodes, newest = [node for node, _ in doubts], path[-1]
+        last, first = nodes[-1], min(node for node, alike in doubts if alike.any())
         query = wide_query(path, along, readings, SEARCH.path)
-        if query.shape[1] < SEARCH.fewest:
+        # a place is not verified if the scans before the turn explain the newest ones as well
+        least = max(SEARCH.least_score, _score_before(query, path, readings, first) / SEARCH.rival)
+        if query.shape[1] < SEARCH.fewest or least > 1.0:
             return None
         old = path[:last, :2]
         centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
@@ -146,9 +151,11 @@ class TurnedPath:
             return near_places(middles, old - centre, DRIFT.room) * np.maximum.reduce(near)
 
         window = float((old.max(axis=0) - centre).max()) + DRIFT.room
-        best = place_search.coarse_search(
-            np.append(centre, newest[2]), query, path, evenly(np.arange(last), SEARCH.nodes[1]), readings, window,
-            min(turn, 0.25 * math.pi), SEARCH.cells[1], allowed, RIGHT_ANGLES)
+        pose = np.append(centre, newest[2])
+        raster = place_search.raster_around(pose, query, path, evenly(np.arange(last), SEARCH.nodes[1]), readings,
+                                            window, SEARCH.cells[1])
+        best = place_search.coarse_search(raster, pose, query, window, min(float(turn[nodes].max()), 0.25 * math.pi),
+                                          least, allowed, RIGHT_ANGLES)
         return compose(best[:3], inverse(newest)) if place_search.is_unique(best) else None
 
     def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], doubts: List[Doubt],
@@ -168,23 +175,22 @@ class TurnedPath:
         if found is None or place is None:
             return None
         nearest, row, around, supported = found
+        query = wide_query(path, along, readings, SEARCH.path)
         if not is_observed(row) or is_contradicted(scene, row[:3], around) \
-                or self._is_explained(path, along, readings, node, place.score):
+                or _score_before(query, path, readings, node) > SEARCH.rival * place.score:
             return None
         pose = row[:3].copy()
         row[mk.INFORMATION:] = supported
         return TurnedFind(float(along[-1]), node, link_of(turned, nearest, row), compose(pose, inverse(path[-1])))
 
-    def _is_explained(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                      score: float) -> bool:
-        """Whether the newest scans fit the scans before the turn at their present pose as well."""
-        query = wide_query(path, along, readings, SEARCH.path)
-        distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
-        reference = np.flatnonzero(distance < SEARCH.reach + SEARCH.path)
-        if not len(reference):
-            return False
-        reference = evenly(reference, SEARCH.nodes[1])
-        return place_search.score_here(query, path, reference, readings) > SEARCH.rival * score
+
+def _score_before(query: FloatArray, path: FloatArray, readings: Sequence[ScanReading], node: int) -> float:
+    """Return how well the query at its present pose fits the scans before ``node``, from 0 to 1."""
+    distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
+    reference = evenly(np.flatnonzero(distance < SEARCH.reach + SEARCH.path), SEARCH.nodes[1])
+    if not len(reference) or not query.shape[1]:
+        return 0.0
+    return place_search.score_here(query, path, reference, readings)
 
 
 def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
@@ -204,10 +210,11 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
     around = np.flatnonzero(np.hypot(*(path[:-1] - newest)[:, :2].T) < SEARCH.reach)
     if query.shape[1] < SEARCH.fewest or not len(around):
         return np.ones(len(RIGHT_ANGLES), bool)
-    reference = evenly(around, SEARCH.nodes[1])
-    least = SEARCH.rival * place_search.score_here(query, path, reference, readings)
-    scores = [place_search.coarse_search(newest, query, path, reference, readings, DRIFT.room, DRIFT.least[1],
-                                         SEARCH.cells[1], None, (angle,))[3] for angle in RIGHT_ANGLES]
+    raster = place_search.raster_around(newest, query, path, evenly(around, SEARCH.nodes[1]), readings, DRIFT.room,
+                                        SEARCH.cells[1])
+    least = SEARCH.rival * place_search.coarse_search(raster, newest, query, *SEARCH.local)[3]
+    scores = [place_search.coarse_search(raster, newest, query, DRIFT.room, DRIFT.least[1], least, None, (angle,))[3]
+              for angle in RIGHT_ANGLES]
     return np.array([score >= least for score in scores])
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exhaustive search for a scan in a raster of old end points, with an upper bound that saves most of the work.
 
-After the two-level idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: a second raster holds the maximum
-over blocks, so that the score of a whole block of offsets is bounded by one evaluation.
+After the idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: further rasters hold the maximum over blocks, so
+that the score of a whole block of offsets is bounded by one evaluation.
 """
 from __future__ import annotations
 
@@ -88,24 +88,26 @@ def add_points(eye: FloatArray, pose: FloatArray, points: FloatArray, away: floa
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def block_maximum(raster: Uint8Array, out: Uint8Array) -> None:
-    """Write the maximum of the BLOCK x BLOCK cells that start at each cell, towards larger indices.
+def block_maximum(raster: Uint8Array, size: int, out: Uint8Array) -> None:
+    """Write the maximum of the ``size`` x ``size`` cells that start at each cell, towards larger indices.
 
     Parameters
     ----------
     raster : (H, W) uint8
         Raster of end points.
+    size : int
+        Width of a block [cells].
     out : (H, W) uint8
         Written.
     """
     height, width = raster.shape
     rows = raster.copy()
     for y in range(height):
-        for k in range(1, min(BLOCK, width)):
+        for k in range(1, min(size, width)):
             _raise(rows[y, :width - k], raster[y, k:])
     for y in range(height):
         out[y] = rows[y]
-        for k in range(1, min(BLOCK, height - y)):
+        for k in range(1, min(size, height - y)):
             _raise(out[y], rows[y + k])
 
 
@@ -117,31 +119,77 @@ def _raise(values: Any, others: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sum_at(xs: IndexArray, ys: IndexArray, spread: IndexArray, dx: int, dy: int, raster: Uint8Array) -> int:
-    """Return the sum of the raster at the shifted cells; cells outside count 0.
+def _sum_at(cells: Any, spread: IndexArray, dx: int, dy: int, raster: Uint8Array, needed: int) -> int:
+    """Return the sum of the raster at the shifted cells (Q,); those outside count 0.
 
-    ``spread`` (4,) holds least and greatest x, least and greatest y.
+    Cells are numbered row by row; ``spread`` (4,) holds their least and greatest x, least and greatest y. A sum that
+    cannot reach ``needed`` may be too small.
     """
-    total, width = 0, raster.shape[1]
+    total, width, count = 0, raster.shape[1], cells.shape[0]
     if spread[0] + dx >= 0 and spread[1] + dx < width and spread[2] + dy >= 0 and spread[3] + dy < raster.shape[0]:
-        flat = raster.reshape(-1)
-        for k in range(xs.shape[0]):
-            total += flat[np.uint64((ys[k] + dy) * width + xs[k] + dx)]
+        flat, shift, half = raster.reshape(-1), dy * width + dx, count // 2
+        for k in range(half):
+            total += flat[np.uint32(cells[k] + shift)]
+        if total + (count - half) * CENTRE >= needed:
+            for k in range(half, count):
+                total += flat[np.uint32(cells[k] + shift)]
         return total
-    for k in range(xs.shape[0]):
-        x, y = xs[k] + dx, ys[k] + dy
+    for k in range(count):
+        y = cells[k] // width
+        x = cells[k] - y * width + dx
+        y += dy
         if x >= 0 and y >= 0 and x < width and y < raster.shape[0]:
             total += raster[y, x]
     return total
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
-           per_metre: float, raster: Uint8Array, coarse: Uint8Array, apart_cells: int, apart_turn: float, share: float,
-           best: FloatArray) -> None:
-    """Find the best offset and rotation of the points, and its best rival.
+def _search_block(first_x: int, first_y: int, cells: Any, spread: IndexArray, raster: Uint8Array, pairs: Uint8Array,
+                  needed: int, apart_cells: int, other: IndexArray, found: IndexArray) -> bool:
+    """Search the offsets of one block for a sum of at least ``needed``; return whether there is one.
 
-    Offsets are whole cells, in blocks of BLOCK x BLOCK.
+    ``found`` (3,) is set to the greatest sum, and to its x and y. It is farther than ``apart_cells`` along an axis from
+    ``other``, of the same kind; all offsets are if ``apart_cells`` is negative.
+    """
+    better = False
+    for quarter in range(4):
+        low_x, low_y = first_x + 2 * (quarter % 2), first_y + 2 * (quarter // 2)
+        if _sum_at(cells, spread, low_x, low_y, pairs, needed) < needed:
+            continue
+        for cell in range(4):
+            dx, dy = low_x + cell % 2, low_y + cell // 2
+            if abs(dx - other[1]) <= apart_cells and abs(dy - other[2]) <= apart_cells:
+                continue
+            value = _sum_at(cells, spread, dx, dy, raster, needed)
+            if value >= needed:
+                needed, better = value + 1, True
+                found[0], found[1], found[2] = value, dx, dy
+    return better
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _place_points(centre: FloatArray, turn: float, points: FloatArray, corner: FloatArray, per_metre: float, width: int,
+                  cells: Any, spread: IndexArray) -> None:
+    """Write the cells (Q,) of the points (2, Q) after a rotation, and their spread; see ``_sum_at``."""
+    c, s = math.cos(centre[2] + turn), math.sin(centre[2] + turn)
+    for k in range(cells.shape[0]):
+        x = int(math.floor((centre[0] + c * points[0, k] - s * points[1, k] - corner[0]) * per_metre))
+        y = int(math.floor((centre[1] + s * points[0, k] + c * points[1, k] - corner[1]) * per_metre))
+        cells[k] = y * width + x
+        if k == 0:
+            spread[0], spread[1], spread[2], spread[3] = x, x, y, y
+        spread[0], spread[1] = min(spread[0], x), max(spread[1], x)
+        spread[2], spread[3] = min(spread[2], y), max(spread[3], y)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
+           per_metre: float, raster: Uint8Array, pairs: Uint8Array, coarse: Uint8Array, apart_cells: int,
+           apart_turn: float, share: float, least: float, best: FloatArray) -> None:
+    """Find the best offset and rotation of the points, and a rival.
+
+    Offsets are whole cells, in blocks of BLOCK x BLOCK. Branch and bound: blocks come in the order of their bound, and
+    within one only quarters whose bound suffices are searched.
 
     Parameters
     ----------
@@ -159,65 +207,54 @@ def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
         Cells per metre.
     raster : (H, W) uint8
         Raster of end points.
-    coarse : (H, W) uint8
-        ``block_maximum`` of the raster.
+    pairs, coarse : (H, W) uint8
+        ``block_maximum`` of the raster with size BLOCK / 2 and BLOCK.
     apart_cells : int
         Least distance of a rival along either axis [cells].
     apart_turn : float
         Least rotation of a rival [rad].
     share : float
-        Rivals with a smaller share of the best score are ignored.
+        A rival has at least this share of the best score.
+    least : float
+        Places with a smaller score are not searched, except for rivals.
     best : (7,) float64
-        Written: pose, its score from 0 to 1, score of the best rival (0 if there is none), and the rival's x, y.
+        Written: pose and its score from 0 to 1, score of a rival, and the rival's x, y. A score is 0 if there is none.
     """
     count, side = points.shape[1], allowed.shape[0]
-    blocks = side // 2
-    xs = np.empty((turns.shape[0], count), np.int64)
-    ys = np.empty((turns.shape[0], count), np.int64)
-    spread = np.empty((turns.shape[0], 4), np.int64)
-    places = np.flatnonzero(allowed)
-    bounds = np.empty(turns.shape[0] * places.shape[0], np.int64)
-    shift = BLOCK // 2
+    first, places = -(side // 2) * BLOCK - BLOCK // 2, np.flatnonzero(allowed)
+    full = max(1, count) * CENTRE
+    lowest = max(1, int(math.ceil(least * full)))
+    lowest_rival = max(1, int(math.ceil(share * lowest)))
+    cells, spread = np.empty((turns.shape[0], count), np.int32), np.zeros((turns.shape[0], 4), np.int64)
+    bounds = np.empty(turns.shape[0] * places.shape[0], np.int32)
     for t in range(turns.shape[0]):
-        c, s = math.cos(centre[2] + turns[t]), math.sin(centre[2] + turns[t])
-        for k in range(count):
-            xs[t, k] = int(math.floor((centre[0] + c * points[0, k] - s * points[1, k] - corner[0]) * per_metre))
-            ys[t, k] = int(math.floor((centre[1] + s * points[0, k] + c * points[1, k] - corner[1]) * per_metre))
-        spread[t, 0], spread[t, 1], spread[t, 2], spread[t, 3] = xs[t].min(), xs[t].max(), ys[t].min(), ys[t].max()
+        _place_points(centre, turns[t], points, corner, per_metre, raster.shape[1], cells[t], spread[t])
         for p in range(places.shape[0]):
-            bounds[t * places.shape[0] + p] = _sum_at(
-                xs[t], ys[t], spread[t], (places[p] % side - blocks) * BLOCK - shift,
-                (places[p] // side - blocks) * BLOCK - shift, coarse)
-    order = np.argsort(-bounds)
-    top, rival = -1, -1
-    top_x = top_y = top_t = rival_x = rival_y = 0
+            bounds[t * places.shape[0] + p] = _sum_at(cells[t], spread[t], first + places[p] % side * BLOCK,
+                                                      first + places[p] // side * BLOCK, coarse, lowest_rival)
+    kept = np.flatnonzero(bounds >= lowest_rival)
+    order = kept[np.argsort(-bounds[kept])]
+    top, rival, top_turn = np.zeros(3, np.int64), np.zeros(3, np.int64), 0
     for index in order:
-        if bounds[index] <= top and bounds[index] < share * top:
-            break
-        if bounds[index] <= top and rival >= share * top:
+        if bounds[index] <= top[0] or bounds[index] < lowest:
             break
         t, place = index // places.shape[0], places[index % places.shape[0]]
-        first_y = (place // side - blocks) * BLOCK - shift
-        first_x = (place % side - blocks) * BLOCK - shift
-        for dy in range(first_y, first_y + BLOCK):
-            for dx in range(first_x, first_x + BLOCK):
-                value = _sum_at(xs[t], ys[t], spread[t], dx, dy, raster)
-                apart = (abs(dx - top_x) > apart_cells or abs(dy - top_y) > apart_cells
-                         or abs(turns[t] - turns[top_t]) > apart_turn)
-                if value > top:
-                    if apart and top > rival:
-                        rival, rival_x, rival_y = top, top_x, top_y
-                    top, top_x, top_y, top_t = value, dx, dy, t
-                elif apart and value > rival:
-                    rival, rival_x, rival_y = value, dx, dy
-    full = float(max(1, count) * CENTRE)
-    best[0] = centre[0] + top_x / per_metre
-    best[1] = centre[1] + top_y / per_metre
-    best[2] = centre[2] + turns[top_t]
-    best[3] = top / full
-    best[4] = rival / full if rival >= share * top else 0.0
-    best[5] = centre[0] + rival_x / per_metre
-    best[6] = centre[1] + rival_y / per_metre
+        if _search_block(first + place % side * BLOCK, first + place // side * BLOCK, cells[t], spread[t], raster,
+                         pairs, max(lowest, top[0] + 1), -1, top, top):
+            top_turn = t
+    wanted = max(1, int(math.ceil(share * top[0])))
+    for index in order:
+        if bounds[index] < wanted or top[0] == 0:
+            break
+        t, place = index // places.shape[0], places[index % places.shape[0]]
+        if _search_block(first + place % side * BLOCK, first + place // side * BLOCK, cells[t], spread[t], raster,
+                         pairs, wanted, -1 if abs(turns[t] - turns[top_turn]) > apart_turn else apart_cells, top,
+                         rival):
+            break
+    best[0], best[1] = centre[0] + top[1] / per_metre, centre[1] + top[2] / per_metre
+    best[2] = centre[2] + turns[top_turn]
+    best[3], best[4] = top[0] / full, rival[0] / full
+    best[5], best[6] = centre[0] + rival[1] / per_metre, centre[1] + rival[2] / per_metre
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -375,7 +412,7 @@ def search_window(centre: FloatArray, offsets: FloatArray, turns: FloatArray, po
     centre : (3,) float64
         Pose around which is searched [m, m, rad].
     offsets : (A, 3) float64
-        x, y [m, map axes], and a penalty on the mean value of a point.
+        x, y [m, map axes], which are rounded to whole cells, and a penalty on the mean value of a point.
     turns : (T, 2) float64
         Rotation [rad], and penalty.
     points : (R, B) float64
@@ -392,26 +429,28 @@ def search_window(centre: FloatArray, offsets: FloatArray, turns: FloatArray, po
         Written: pose and value, at most 1. Ties keep the earlier candidate: order both from the centre outwards.
     """
     count = (points.shape[1] + stride - 1) // stride
-    xs, ys = np.empty(count), np.empty(count)
+    xs, ys = np.empty(count, np.int64), np.empty(count, np.int64)
+    height, width = field.shape
     best[3] = -1e9
     for t in range(turns.shape[0]):
         theta = centre[2] + turns[t, 0]
         c, s = math.cos(theta), math.sin(theta)
         for k in range(count):
             qx, qy = points[0, k * stride], points[1, k * stride]
-            xs[k] = (centre[0] + c * qx - s * qy - corner[0]) * per_metre
-            ys[k] = (centre[1] + s * qx + c * qy - corner[1]) * per_metre
+            xs[k] = int(math.floor((centre[0] + c * qx - s * qy - corner[0]) * per_metre))
+            ys[k] = int(math.floor((centre[1] + s * qx + c * qy - corner[1]) * per_metre))
         for a in range(offsets.shape[0]):
-            dx, dy = offsets[a, 0] * per_metre, offsets[a, 1] * per_metre
+            dx = int(math.floor(offsets[a, 0] * per_metre + 0.5))
+            dy = int(math.floor(offsets[a, 1] * per_metre + 0.5))
             total = 0
             # sum to exceed; the loop ends as soon as the remaining points cannot reach it
             needed = (best[3] + offsets[a, 2] + turns[t, 1]) * 255.0 * count
             for k in range(count):
                 if k & 7 == 0 and total + (count - k) * 255 <= needed:
                     break
-                fx, fy = xs[k] + dx, ys[k] + dy
-                if fx >= 0.0 and fy >= 0.0 and fx < field.shape[1] and fy < field.shape[0]:
-                    total += field[int(fy), int(fx)]
+                x, y = xs[k] + dx, ys[k] + dy
+                if 0 <= x < width and 0 <= y < height:
+                    total += field[y, x]
             value = total / (255.0 * count) - offsets[a, 2] - turns[t, 1]
             if value > best[3]:
                 best[0], best[1], best[2], best[3] = centre[0] + offsets[a, 0], centre[1] + offsets[a, 1], theta, value
