@@ -11,7 +11,7 @@ import numpy as np
 
 
 class Stopwatch:
-    """Wall and CPU time of pieces of work; time outside pieces is added to the next one.
+    """Wall and CPU time of pieces of work, each entered once or several times; the last ones need not end a piece.
 
     Attributes
     ----------
@@ -24,35 +24,41 @@ class Stopwatch:
     def __init__(self) -> None:
         self.wall: List[float] = []
         self.cpu: List[float] = []
-        self._pending = np.zeros(2)
+        self._pending, self._longest_pending, self._longest = np.zeros((3, 2))
 
     def __enter__(self) -> Stopwatch:
         self._begun = time.perf_counter(), time.process_time()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._pending += time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
+        taken = time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
+        self._pending += taken
+        self._longest_pending = np.maximum(self._longest_pending, taken)
 
     def piece(self) -> None:
         """End a piece: its time is everything measured since the last one."""
+        if self.wall:
+            self._longest = np.maximum(self._longest, self._longest_pending)
         self.wall.append(self._pending[0])
         self.cpu.append(self._pending[1])
-        self._pending[:] = 0.0
+        self._pending, self._longest_pending = np.zeros((2, 2))
 
     def summary(self) -> Dict[str, Any]:
         """Return count and, for wall and CPU, the times named below.
 
-        They are the total [s]; mean, median, 95th percentile and maximum [ms]; and the mean of the first and the last
-        tenth of the pieces [ms].  The very first piece, in which files and kernels are loaded, is in the total only.
+        They are the total [s]; mean, median and 95th percentile of the pieces [ms]; the longest time in a piece between
+        entering and leaving, of a scan [ms]; and the mean of the first and the last tenth of the pieces [ms]. The very
+        first piece, in which files are loaded, is in the total only.
         """
-        def of(times: List[float], pending: float) -> Dict[str, float]:
+        def of(times: List[float], pending: float, longest: float) -> Dict[str, float]:
             ms = 1e3 * np.array(times[1:] or times or [0.0])
             part = max(1, len(ms) // 10)
-            found = dict(mean_ms=ms.mean(), median_ms=np.median(ms), p95_ms=np.percentile(ms, 95), max_ms=ms.max(),
+            found = dict(mean_ms=ms.mean(), median_ms=np.median(ms), p95_ms=np.percentile(ms, 95), max_ms=1e3 * longest,
                          first_ms=ms[:part].mean(), last_ms=ms[-part:].mean())
             return dict({name: round(float(value), 4) for name, value in found.items()},
                         total_s=round(sum(times) + pending, 6))
-        return dict(count=len(self.wall), wall=of(self.wall, self._pending[0]), cpu=of(self.cpu, self._pending[1]))
+        return dict(count=len(self.wall), wall=of(self.wall, self._pending[0], self._longest[0]),
+                    cpu=of(self.cpu, self._pending[1], self._longest[1]))
 
 
 def peak_memory_mib() -> float:
