@@ -100,7 +100,7 @@ class Mapper:
             self._matcher = HillClimbMatcher(config, self._workers)
         else:
             self._matcher = matcher = FastMatcher(config, self._workers)
-            self._tracker = Tracker(matcher, config.noise, self._dense, laser.base_from_sensor)
+            self._tracker = Tracker(matcher, config.noise, self._dense, laser.base_from_sensor, laser.view)
             if config["loop_closing"]:
                 self._loops = LoopCloser(matcher, config["delta"], self._history)
         self._motion, self._gaps = ViewMemory(), ScanGaps()

@@ -176,6 +176,11 @@ class Slips:
                                "to scan it changes by at most a step of a search.", "longer than a robot pitches")
 
     @property
+    def lost(self) -> float:
+        """A scan with fewer of the beams that should fit, a half, fits nothing that is known [1]."""
+        return 0.5
+
+    @property
     def left(self) -> Vector3:
         """Standard deviations of odometry after a slip, five steps; a larger difference is another one [m, m, rad]."""
         return 5.0 * DRIFT.step[0], 5.0 * DRIFT.step[1], 5.0 * DRIFT.step[2]

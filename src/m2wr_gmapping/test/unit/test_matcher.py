@@ -49,7 +49,7 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
-    row, slip = matcher.track(maps, 0, reading, ask, False, lambda pose: NO_CONFLICT)
+    row, slip = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
 
 
@@ -69,9 +69,29 @@ def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
 
     def conflict(pose):
         return denied if abs(pose[2] - true) > 0.1 else NO_CONFLICT
-    row, slip = matcher.track(maps, 0, reading, ask, False, conflict)
+    row, slip = matcher.track(maps, 0, reading, ask, False, 0.0, conflict)
     assert slip == found
     assert row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("share, rotated, found", [(1.0, 35.0, LARGE_SLIP), (0.0, 35.0, NO_SLIP), (1.0, 0.0, NO_SLIP)])
+def test_a_scan_that_suddenly_fits_nothing_shows_a_turn(share, rotated, found):
+    """Without any conflict: the robot has turned, or looks into an unknown area, where no match is expected."""
+    matcher, maps, _ = corridor(3.0, 1)
+    true, told = -math.radians(rotated), np.zeros(3)
+    few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
+    ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+    row, slip = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT)
+    assert slip == found and row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
+
+
+def test_a_scan_of_an_unknown_area_is_no_turn():
+    """Nothing of it fits, wherever the robot would look."""
+    matcher, maps, _ = corridor(3.0, 1)
+    ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(LASER.angles))
+    ask = Request(np.array([5.0, 5.0, 0.0]), np.array([5.0, 5.0, 0.0]), np.full(3, 1e-3), np.full(3, 1e3),
+                  np.array([0.2, 0.3]))
+    assert matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: NO_CONFLICT)[1] == NO_SLIP
 
 
 def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():

@@ -133,7 +133,7 @@ class FastMatcher:
         fuse(row, prediction, prior)
         return row
 
-    def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool,
+    def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool, share: float,
               conflict: Callable[[FloatArray], Conflict]) -> Tuple[FloatArray, int]:
         """Match in the map of one particle, and detect slip of odometry.
 
@@ -141,6 +141,9 @@ class FastMatcher:
         match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip. How
         well a pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few
         beams could not outweigh that improbability by its match alone.
+
+        A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
+        nothing although the last one did. The latter may also be an unknown area, so that a slip must fit well.
 
         Parameters
         ----------
@@ -154,6 +157,8 @@ class FastMatcher:
             Start of the match and pose by odometry.
         long : bool
             Whether the step since the last match was so long that a match may converge to a wrong pose.
+        share : float
+            Score per beam that is expected without a slip, from 0 to 1.
         conflict : callable
             Returns for a pose the end points that conflict with older scans; see ``occlusion``.
 
@@ -182,8 +187,9 @@ class FastMatcher:
             # a match without partners is in an unknown area, or contradicted
             return conflict(match[:3]) if match[mk.SCORE] < good else NO_CONFLICT
 
-        denied = denial(row)
-        if denied.share <= MOST_CONFLICT and pull < tuning.MATCHING.certain**2:
+        denied, is_lost = denial(row), row[mk.SCORE] < tuning.SLIPS.lost * share * count
+        doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
+        if not (doubtful or is_lost):
             return row, NO_SLIP
         best += occlusion_cost(denied.mutual, count)
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
@@ -194,12 +200,14 @@ class FastMatcher:
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
                 cost = tk.cost_of(other, centre, wide)[0] + tuning.SLIPS.cost
-                if cost < best:
+                if cost < best and (doubtful or other[mk.SCORE] >= good):
                     cost += occlusion_cost(denial(other).mutual, count)
-                if cost < best:
-                    row, best, slip = other, cost, SLIP
-        if denied.share > MOST_CONFLICT and row[mk.SCORE] < good:
-            least_cost = best - tuning.SLIPS.cost - math.log(math.pi / window[1])
+                    if cost < best:
+                        row, best, slip = other, cost, SLIP
+        if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
+            # so many directions are tried; a scan that fits nothing is as improbable without a slip
+            directions = 1.0 if is_lost else math.pi / window[1]
+            least_cost = best - tuning.SLIPS.cost - math.log(directions)
             turned = self._turned(maps, particle, reading, expected, conflict, least_cost,
                                   max(MOST_CONFLICT, 0.5 * denied.share))
             if turned is not None:

@@ -144,6 +144,11 @@ class LaserModel:
         object.__setattr__(model, "base_from_sensor", model.sensor_pose(translation, quaternion))
         return model
 
+    @property
+    def view(self) -> float:
+        """Angle between the first and the last beam [rad]."""
+        return float(self.angles[-1] - self.angles[0])
+
     @functools.cached_property
     def directions(self) -> FloatArray:
         """Cosines and sines (2, B) of the beam angles."""

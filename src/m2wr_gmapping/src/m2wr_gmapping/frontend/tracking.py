@@ -2,10 +2,13 @@
 """Pose between two processed scans, from odometry and matches in the best map."""
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Callable, Tuple
 
 import numpy as np
 
+from m2wr_gmapping import tuning
+from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import LARGE_SLIP
 from m2wr_gmapping.frontend.track import (
@@ -43,6 +46,8 @@ class Tracker:
         Whether all scans are matched, so that a slip of the wheels can be confirmed.
     mount : (3,) float64
         Pose of the centred laser in the base frame [m, m, rad].
+    view : float
+        Angle between the first and the last beam [rad].
 
     Attributes
     ----------
@@ -50,11 +55,12 @@ class Tracker:
         Whether since the last processed scan the pose was found in all directions, far from odometry.
     """
 
-    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray) -> None:
-        self._matcher, self._dense = matcher, dense
+    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
+        self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
         self._ask = np.zeros(REQUEST_SIZE)
         self.has_turned = False
+        self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
 
     @property
     def track(self) -> Track:
@@ -74,7 +80,7 @@ class Tracker:
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
         tk.restart(self._track)
-        self.has_turned = False
+        self.has_turned, self._share = False, 1.0
 
     def relax_prior(self) -> None:
         """Allow the next match to correct the pose by some cells."""
@@ -159,12 +165,24 @@ class Tracker:
         if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
             return False
+        share = self._expected_share(track.since_match)
         long = tk.expect(self._track, self._noise, anchor, self._ask)
-        row, slip = self._matcher.track(maps, particle, reading, ask, long, conflict)
+        row, slip = self._matcher.track(maps, particle, reading, ask, long, share, conflict)
+        self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
         self.has_turned |= slip == LARGE_SLIP
         tk.accept_match(self._track, self._noise, anchor, row, bool(slip),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True
+
+    def _expected_share(self, step: FloatArray) -> float:
+        """Return the score per beam that is expected after a step (3,) by odometry: a turn brings new areas into view.
+
+        It is 0 unless the robot turns on the spot: who drives through a door sees a room at once.
+        """
+        if math.hypot(step[0], step[1]) > tuning.MATCHING.basin[0]:
+            return 0.0
+        turn = abs(float(step[2]))
+        return self._share * (1.0 - turn / max(self._view, turn)) if turn else self._share
 
     def learn(self, maps: TileMaps, particle: int, anchor: FloatArray, prediction: FloatArray, reading: ScanReading,
               row: FloatArray, step: FloatArray) -> None:
