@@ -145,3 +145,15 @@ def test_a_gap_surprises_more_if_it_is_long_or_rare():
     assert surprise(0.11, often=False) == surprise(0.11, often=True) == 0.0
     assert surprise(0.4, often=False) > 6.0 > surprise(0.4, often=True) > surprise(0.2, often=True) > 0.0
     assert surprise(1.2, often=True) > 6.0
+
+
+@pytest.mark.parametrize("slips, allowed", [(0, True), (40, False)])
+def test_frequent_slips_beside_frequent_gaps_are_no_turn(slips, allowed):
+    gaps, stamp = ScanGaps(), 0.0
+    for k in range(300):
+        stamp += 0.2 if k % 10 == 9 else 0.1
+        gaps.add(stamp)
+        gaps.allow_turn(k < slips)
+        gaps.restart()
+    gaps.add(stamp + 0.2)
+    assert gaps.allow_turn(True) == allowed

@@ -22,6 +22,7 @@ class ScanGaps:
     def __init__(self) -> None:
         self.surprise = self.longest = 0.0
         self._count, self._gaps, self._first, self._last = 0, 0, 0.0, 0.0
+        self._steps = self._slips = 0
 
     def add(self, stamp: float) -> None:
         """Take note of a scan at a time [s]."""
@@ -42,10 +43,15 @@ class ScanGaps:
         self.surprise = self.longest = 0.0
 
     def allow_turn(self, slipped: bool) -> bool:
-        """Return whether the robot may have been turned in an unknown way since :meth:`restart`.
+        """Return whether the robot may have been turned in an unknown way since :meth:`restart`; call this once then.
 
-        Scans must be missing. Besides, laser and odometry must have disagreed afterwards (``slipped``), or the gap must
-        be as improbable as a slip and long enough for someone to lift the robot.
+        Scans must be missing, and that must be as improbable as a slip, together with a disagreement of laser and
+        odometry afterwards (``slipped``). Without one, the gap must be long enough for someone to lift the robot.
         """
-        return self.surprise > 0.0 and (slipped or (self.surprise > tuning.SLIPS.cost
-                                                    and self.longest >= tuning.TURNS.lifted))
+        self._steps += 1
+        self._slips += slipped
+        if not self.surprise > 0.0:
+            return False
+        if slipped:
+            return self.surprise - math.log(self._slips / self._steps) > tuning.SLIPS.cost
+        return self.surprise > tuning.SLIPS.cost and self.longest >= tuning.TURNS.lifted
