@@ -8,6 +8,7 @@ import pytest
 from m2wr_gmapping.backend import turned_path
 from m2wr_gmapping.backend.loop_graph import distances_along
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.frontend.occlusion import Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.mapper import Mapper
@@ -119,6 +120,16 @@ def test_path_through_walls_is_not_consistent():
     path[41:, 1] += 1.5
     assert not turned_path.is_consistent(path, along, seen + seen, 41, placed)
     assert turned_path.is_consistent(path, along, seen + seen, 41, ~placed)      # their place is not known
+
+
+@pytest.mark.parametrize("few, wanted", [(True, True), (False, False)])
+def test_a_scan_counts_by_what_it_has_in_view(few, wanted, monkeypatch):
+    """One of five contradicts. It is a passer-by if it has hardly anything in view."""
+    found = iter([Conflict(0, 50, 1, 50)] * 4 + [Conflict(0, 0, 3, 3) if few else Conflict(90, 100, 90, 100)])
+    monkeypatch.setattr(turned_path, "conflict_with_nearest", lambda *_: next(found))
+    path = np.zeros((6, 3))
+    path[:, 0] = turned_path.SEARCH.near_path * np.arange(6)
+    assert turned_path.is_consistent(path, path[:, 0].copy(), [None] * 6, 0, np.ones(6, bool)) == wanted
 
 
 @pytest.mark.parametrize("stamps, noticed", [

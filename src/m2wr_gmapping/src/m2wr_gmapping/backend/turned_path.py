@@ -237,9 +237,10 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
     """
     shares = []
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
-        if not placed[later]:
-            continue
-        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks).share)
+        if placed[later]:
+            found = conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks)
+            if found.in_view >= SEARCH.fewest:      # of fewer, one person is a large share
+                shares.append(found.share)
     count = min(len(shares), int(SEARCH.path / SEARCH.near_path) + 1)
     means = np.convolve(shares, np.full(count, 1.0 / count), "valid") if shares else np.zeros(1)
     return bool(means.max() <= OCCLUSION.most_conflict)

@@ -34,9 +34,14 @@ class Conflict(NamedTuple):
     new: int = 0
 
     @property
+    def in_view(self) -> int:
+        """All end points in view."""
+        return self.old + self.new
+
+    @property
     def share(self) -> float:
         """Share of all end points in view; 0 if nothing is."""
-        return (self.gone + self.appeared) / max(1, self.old + self.new)
+        return (self.gone + self.appeared) / max(1, self.in_view)
 
     @property
     def mutual(self) -> float:
