@@ -53,7 +53,8 @@ def test_bounded_search_equals_exhaustive_search(seed):
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.1, 0.1)])
     turns, best = np.linspace(-0.2, 0.2, 9), np.zeros(7)
-    ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0, best)
+    ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, pairs, coarse, 6, 0.3, 0.9, 0.0,
+              best)
     # whole-cell offsets of the cells that the points fall into without one
     top = max(value(points, centre + [0.1 * dx, 0.1 * dy, turn], corner, raster)
               for turn in turns for dx in range(-10, 10) for dy in range(-10, 10))
@@ -80,7 +81,8 @@ def test_places_below_the_least_score_are_left_out(seed):
     points, corner = room(seed)
     rasters, turns, best = drawn(points, corner), np.linspace(-0.2, 0.2, 9), np.zeros((3, 7))
     for least, out in ((0.0, best[0]), (0.9, best[1]), (1.01, best[2])):
-        ck.search(np.zeros(3), points, turns, np.ones((5, 5), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, least, out)
+        ck.search(np.zeros(3), points, turns, np.ones((5, 5), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, least,
+                  out)
     assert best[0, 3] > 0.9 and (best[0] == best[1]).all() and best[2, 3] == best[2, 4] == 0.0
 
 
@@ -90,7 +92,8 @@ def test_rival_is_apart_from_the_best_place(seed):
     points, corner = rng.uniform(-3.0, 3.0, (2, 40)), np.array([-8.0, -8.0])
     copies = [points + rng.uniform(-1.5, 1.5, (2, 1)) for _ in range(3)]
     rasters, best = drawn(np.concatenate(copies, axis=1), corner), np.zeros(7)
-    ck.search(np.zeros(3), points, np.zeros(1), np.ones((11, 11), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, 0.0, best)
+    ck.search(np.zeros(3), points, np.zeros(1), np.ones((11, 11), np.uint8), corner, 10.0, *rasters, 6, 0.3, 0.9, 0.0,
+              best)
     scores = {(dx, dy): value(points, [0.1 * dx, 0.1 * dy, 0.0], corner, rasters[0])
               for dx in range(-22, 22) for dy in range(-22, 22)}
     at = tuple(np.round(10.0 * best[:2]).astype(int))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exhaustive search for a scan in a raster of old end points, with an upper bound that saves most of the work.
 
-After the idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: further rasters hold the maximum over blocks, so
-that the score of a whole block of offsets is bounded by one evaluation.
+After the idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: further rasters hold the maximum over blocks,
+so that the score of a whole block of offsets is bounded by one evaluation.
 """
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
     per_metre : float
         Cells per metre.
     raster : (H, W) uint8
-        Raster of end points.
+        Raster of end points. All points lie in it without an offset.
     pairs, coarse : (H, W) uint8
         ``block_maximum`` of the raster with size BLOCK / 2 and BLOCK.
     apart_cells : int

@@ -91,8 +91,9 @@ TRACKER = Part({
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
     "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "_ask"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
-GAPS = Part({"surprise": REAL, "longest": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL,
-    "_steps": COUNT, "_slips": COUNT})
+GAPS = Part({
+    "surprise": REAL, "longest": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT,
+    "_slips": COUNT})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
