@@ -10,6 +10,7 @@ import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.backend.loop_closing import LoopCloser
+from m2wr_gmapping.backend.loop_graph import distances_along
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.backend.turned_path import looks_alike
 from m2wr_gmapping.filter import resampling
@@ -280,14 +281,20 @@ class Mapper:
                     or 0.0 <= config["temporalUpdate"] < stamp - self._last_processed)
 
     def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], Conflict]:
-        """Return a function that tells how much a scan at a pose (3,) conflicts with the processed scans around it."""
-        path: Optional[FloatArray] = None
+        """Return a function that tells how much a scan at a pose (3,) conflicts with the recent scans around it.
+
+        Older scans would conflict by the drift of the path since then, which is no slip.
+        """
+        recent: Optional[Tuple[FloatArray, List[ScanReading]]] = None
 
         def conflict(pose: FloatArray) -> Conflict:
-            nonlocal path
-            if path is None:
+            nonlocal recent
+            if recent is None:
                 path = self.particles.tree.path(self.particles.best)
-            return conflict_with_nearest(pose, reading, path, self.readings, tuning.OCCLUSION.scans)
+                along = distances_along(path)
+                first = int(np.searchsorted(along, along[-1] - tuning.SEARCH.reach))
+                recent = path[first:], self.readings[first:]
+            return conflict_with_nearest(pose, reading, *recent, tuning.OCCLUSION.scans)
         return conflict
 
     def _has_moved(self, rel: FloatArray) -> bool:

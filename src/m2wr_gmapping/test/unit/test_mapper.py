@@ -3,6 +3,7 @@
 import hashlib
 import math
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -260,4 +261,19 @@ def test_a_mapper_without_a_scan_says_so():
         -1.0, 1.0, 0.1, 21, 0.1, 10.0))
     with pytest.raises(RuntimeError, match="before its first scan"):
         mapper.occupancy()
+    mapper.close()
+
+
+@pytest.mark.parametrize("behind, contradicted", [(5.0, True), (40.0, False)])
+def test_only_recent_scans_tell_of_a_slip(behind, contradicted):
+    """The path has come back to a place, with its drift; the walls there were seen ``behind`` metres of path ago."""
+    laser = LaserModel.from_message(-math.pi, math.pi, math.pi / 90, 181, 0.05, 20.0)
+    mapper = Mapper(GmappingConfig.from_mapping({"threads": 1}), laser)
+    near, far = (mapper.reading(np.full(181, metres)) for metres in (2.0, 5.0))
+    path = np.zeros((3, 3))
+    path[1, 0] = 0.5 * behind
+    mapper.filter = SimpleNamespace(best=0, tree=SimpleNamespace(path=lambda particle: path))
+    mapper.readings = [near, mapper.reading(np.full(181, math.nan)), far]
+    found = mapper._conflict_of(far)(np.zeros(3))
+    assert (found.share > 0.3) == contradicted
     mapper.close()
