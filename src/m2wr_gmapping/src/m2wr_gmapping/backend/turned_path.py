@@ -98,13 +98,17 @@ class TurnedPath:
         if not any(alike.any() for _, alike in doubts):
             return None
         self._searched_at = here
+        query = wide_query(path, along, readings, SEARCH.path)
+        if query.shape[1] < SEARCH.fewest:
+            return None
         shift, turn = self._graph.drift(path, len(path) - 1)
         found = None
         if self._finds:         # the place of the newest scans after the last turn found is known already
-            found = self._verify(path, along, readings, doubts, shift, self._finds[-1].correction)
+            found = self._verify(query, path, along, readings, doubts, shift, self._finds[-1].correction)
         if found is None:
-            correction = self._coarse(path, along, readings, doubts, shift, turn)
-            found = None if correction is None else self._verify(path, along, readings, doubts, shift, correction)
+            correction = self._coarse(query, path, readings, doubts, shift, turn)
+            if correction is not None:
+                found = self._verify(query, path, along, readings, doubts, shift, correction)
         if found is None:
             return None
         self._finds = [find for find in self._finds if here - find.along < TURNS.memory] + [found]
@@ -127,8 +131,8 @@ class TurnedPath:
 
         doubtful[:] = [doubt for doubt in doubtful if not is_settled(doubt[0])]
 
-    def _coarse(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                doubts: List[Doubt], shift: FloatArray, turn: FloatArray) -> Optional[FloatArray]:
+    def _coarse(self, query: FloatArray, path: FloatArray, readings: Sequence[ScanReading], doubts: List[Doubt],
+                shift: FloatArray, turn: FloatArray) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node.
 
         All right angles at all nodes compete, those too after which the place does not look alike. The window is the
@@ -136,10 +140,9 @@ class TurnedPath:
         """
         nodes, newest = [node for node, _ in doubts], path[-1]
         last, first = nodes[-1], min(node for node, alike in doubts if alike.any())
-        query = wide_query(path, along, readings, SEARCH.path)
         # a place is not verified if the scans before the turn explain the newest ones as well
         least = max(SEARCH.least_score, _score_before(query, path, readings, first) / SEARCH.rival)
-        if query.shape[1] < SEARCH.fewest or least > 1.0:
+        if least > 1.0:
             return None
         old = path[:last, :2]
         centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
@@ -158,8 +161,8 @@ class TurnedPath:
                                           least, allowed, RIGHT_ANGLES)
         return compose(best[:3], inverse(newest)) if place_search.is_unique(best) else None
 
-    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], doubts: List[Doubt],
-                shift: FloatArray, correction: FloatArray) -> Optional[TurnedFind]:
+    def _verify(self, query: FloatArray, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                doubts: List[Doubt], shift: FloatArray, correction: FloatArray) -> Optional[TurnedFind]:
         """Search again with the path after a turn by ``correction``, against the scans before the turn only."""
         node = turned_node(path, doubts, correction, shift)
         if node is None:
@@ -175,7 +178,6 @@ class TurnedPath:
         if found is None or place is None:
             return None
         nearest, row, around, supported = found
-        query = wide_query(path, along, readings, SEARCH.path)
         if not is_observed(row) or is_contradicted(scene, row[:3], around) \
                 or _score_before(query, path, readings, node) > SEARCH.rival * place.score:
             return None
@@ -188,7 +190,7 @@ def _score_before(query: FloatArray, path: FloatArray, readings: Sequence[ScanRe
     """Return how well the query at its present pose fits the scans before ``node``, from 0 to 1."""
     distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
     reference = evenly(np.flatnonzero(distance < SEARCH.reach + SEARCH.path), SEARCH.nodes[1])
-    if not len(reference) or not query.shape[1]:
+    if not len(reference):
         return 0.0
     return place_search.score_here(query, path, reference, readings)
 

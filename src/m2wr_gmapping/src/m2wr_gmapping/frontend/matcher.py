@@ -205,7 +205,7 @@ class FastMatcher:
                     if cost < best:
                         row, best, slip = other, cost, SLIP
         if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
-            # so many directions are tried; a scan that fits nothing is as improbable without a slip
+            # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
             directions = 1.0 if is_lost else math.pi / window[1]
             least_cost = best - tuning.SLIPS.cost - math.log(directions)
             turned = self._turned(maps, particle, reading, expected, conflict, least_cost,

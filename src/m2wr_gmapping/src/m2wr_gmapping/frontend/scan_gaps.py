@@ -43,7 +43,9 @@ class ScanGaps:
         self.surprise = self.longest = 0.0
 
     def allow_turn(self, slipped: bool) -> bool:
-        """Return whether the robot may have been turned in an unknown way since :meth:`restart`; call this once then.
+        """Return whether the robot may have been turned in an unknown way since :meth:`restart`.
+
+        Call this once for each processed scan: it counts them, and the slips.
 
         Scans must be missing, and that must be as improbable as a slip, together with a disagreement of laser and
         odometry afterwards (``slipped``). Without one, the gap must be long enough for someone to lift the robot.
