@@ -177,7 +177,7 @@ class Tracker:
     def _expected_share(self, step: FloatArray) -> float:
         """Return the score per beam that is expected after a step (3,) by odometry: a turn brings new areas into view.
 
-        It is 0 unless the robot turns on the spot: one that drives through a door suddenly sees a new room.
+        It is 0 unless the robot turns on the spot: one that drives through a door suddenly sees other walls.
         """
         if math.hypot(step[0], step[1]) > tuning.MATCHING.basin[0]:
             return 0.0
