@@ -9,7 +9,7 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
@@ -42,7 +42,7 @@ def rare_work(mapper: Mapper) -> None:
     """Call the kernels that the tour may not reach: window search, drift, loop search, graph optimisation."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
-    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
+    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])

@@ -17,7 +17,7 @@ from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
-from m2wr_gmapping.frontend.matcher import WINDOW_MOST, FastMatcher
+from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
@@ -232,7 +232,7 @@ class Mapper:
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
         if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
-            pose = self._matcher.search(particles.maps, 0, reading, pose, WINDOW_MOST)
+            pose = self._matcher.search(particles.maps, 0, reading, pose, WINDOW_MOST, NO_PRIOR)
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
         self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])

@@ -95,8 +95,6 @@ class Matching:
                                    "points.", UNKNOWN)
     good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, "
                               "and share of another place's score below which one is worse.", UNKNOWN)
-    search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
-                                  UNKNOWN)
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
                            "normal distribution: 99.7 %")
     outlier: float = tuned(14.2, "1", "Squared Mahalanobis distance of an outlier, which halves its weight.",
@@ -113,6 +111,11 @@ class Matching:
     def beam_deviation(self) -> float:
         """Standard deviation of the distance of one end point from its wall: half the last kernel, a cell [m]."""
         return 0.5 * math.sqrt(self.narrow)
+
+    @property
+    def beam_cost(self) -> float:
+        """Greatest negative log-likelihood of one beam, with the robust kernel of the last round [1]."""
+        return 0.5 * self.narrow / self.beam_deviation**2 / self.dependent
 
     @property
     def converged(self) -> float:

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a match makes of a direction in which its scan says nothing."""
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
-from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, FastMatcher, occlusion_cost
+from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_PRIOR, NO_SLIP, FastMatcher, occlusion_cost
 from m2wr_gmapping.frontend.occlusion import NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.track import Request
@@ -99,3 +101,23 @@ def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():
     assert occlusion_cost(1.0, 100) == pytest.approx(10.0 * math.log(1.0 / 0.15))
     costs = [occlusion_cost(share, 100) for share in np.linspace(0.15, 1.0, 20)]
     assert (np.diff(costs) > 0.0).all()
+
+
+@pytest.mark.parametrize("deviations, along", [(NO_PRIOR, 0.5), (np.array([0.2, 0.2]), 0.5), (np.array([0.02, 0.2]), 0.1)])
+def test_a_search_weighs_scan_and_prior_as_a_match_does(deviations, along):
+    """The end of the corridor tells where the robot is; a prior of 2 cm outweighs it."""
+    matcher, maps, reading = corridor(3.0, 1)
+    found = matcher.search(maps, 0, reading, np.array([0.1, 0.0, 0.0]), np.array([0.6, 0.3]), deviations)
+    assert found == pytest.approx([along, 0.0, 0.0], abs=0.06)
+
+
+def test_far_end_points_do_not_change_a_search():
+    """They are outside of its field, and would only ask for smaller steps of rotation."""
+    far = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 80.0, max_urange=80.0)
+    matcher, maps, _ = corridor(60.0, 1)
+    reading = seen(0.5, 60.0, far)
+    beams = reading.beams[:, np.hypot(*reading.beams[:2]) <= tuning.SEARCH.reach]
+    assert beams.shape[1] < reading.beams.shape[1]
+    found = [matcher.search(maps, 0, scan, START, np.array([0.2, 0.3]), NO_PRIOR)
+             for scan in (reading, SimpleNamespace(beams=np.ascontiguousarray(beams)))]
+    np.testing.assert_array_equal(*found)

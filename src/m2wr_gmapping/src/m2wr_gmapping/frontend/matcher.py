@@ -29,6 +29,7 @@ NARROW = tuning.MATCHING.narrow
 SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]
 BASIN = np.array(tuning.MATCHING.basin)      # [m, rad]
 WINDOW_MOST = np.array(tuning.MATCHING.search_most)
+NO_PRIOR = np.array([math.inf, math.inf])
 TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
 
@@ -173,9 +174,10 @@ class FastMatcher:
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if long:
-            window = np.minimum(tuning.MATCHING.certain * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
+            deviations = np.sqrt([variances[:2].max(), variances[2]])
+            window = np.minimum(tuning.MATCHING.certain * deviations, WINDOW_MOST)
             if (window > BASIN).any():
-                found = self.search(maps, particle, reading, expected, window)
+                found = self.search(maps, particle, reading, expected, window, deviations)
                 other = self._fused(maps, particle, reading, found, expected, inverse)
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
@@ -193,11 +195,12 @@ class FastMatcher:
             return row, NO_SLIP
         best += occlusion_cost(denied.mutual, count)
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
-        plain, wide = row[:3], np.square(window / tuning.DRIFT.deviations)[[0, 0, 1]]
+        deviations = window / tuning.DRIFT.deviations
+        plain, wide = row[:3], np.square(deviations)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
         continues = np.abs(between(expected, start)).max() > tuning.SLIPS.left[0]
         for centre in (expected, start) if continues else (expected,):
-            for begin in (plain, self.search(maps, particle, reading, centre, window)):
+            for begin in (plain, self.search(maps, particle, reading, centre, window, deviations)):
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
                 cost = tk.cost_of(other, centre, wide)[0] + tuning.SLIPS.cost
                 if cost < best and (doubtful or other[mk.SCORE] >= good):
@@ -223,10 +226,11 @@ class FastMatcher:
         must be below ``least_cost`` and its conflict at most ``most_conflict``.
         """
         found, good = None, tuning.MATCHING.good_share * reading.beams.shape[1]
-        variances = np.square(TURN_WINDOW / tuning.DRIFT.deviations)[[0, 0, 1]]
+        deviations = TURN_WINDOW / tuning.DRIFT.deviations
+        variances = np.square(deviations)[[0, 0, 1]]
         for k in range(tuning.SLIPS.sectors):
             centre = expected + [0.0, 0.0, 2.0 * math.pi * k / tuning.SLIPS.sectors]
-            begin = self.search(maps, particle, reading, centre, TURN_WINDOW)
+            begin = self.search(maps, particle, reading, centre, TURN_WINDOW, deviations)
             row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
             cost = tk.cost_of(row, centre, variances)[0]
             if cost >= least_cost or row[mk.SCORE] < good:
@@ -238,8 +242,8 @@ class FastMatcher:
         return found
 
     def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
-               window: Vector) -> FloatArray:
-        """Search a window around the prediction.
+               window: Vector, deviations: Vector) -> FloatArray:
+        """Search a window around the prediction for the most probable pose.
 
         Parameters
         ----------
@@ -253,19 +257,25 @@ class FastMatcher:
             Pose predicted by odometry.
         window : (2,) float64
             Half widths [m, rad].
+        deviations : (2,) float64
+            Standard deviations of the prediction [m, rad]; infinite ones for a window without a prior.
 
         Returns
         -------
         (3,) float64
-            Pose with the best score.
         """
         beams = reading.beams
         reach = np.hypot(beams[mk.QX], beams[mk.QY])
+        near = reach <= tuning.SEARCH.reach         # farther ones are outside of the field
+        if 0 < near.sum() < len(near):
+            beams, reach = np.compress(near, beams, axis=1), reach[near]
         turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
-        turns = np.stack([turns, tuning.MATCHING.search_penalty * np.square(turns / window[1])], -1)
+        # a prior's cost per beam, as a share of the greatest cost of a beam
+        penalty = 0.5 / (reading.beams.shape[1] * tuning.MATCHING.beam_cost)
+        turns = np.stack([turns, penalty * np.square(turns / deviations[1])], -1)
         squares = _squares(int(np.ceil(window[0] / SEARCH_STEP)))
         offsets = squares.copy()
-        offsets[:, 2] = tuning.MATCHING.search_penalty * squares[:, 2] / window[0]**2
+        offsets[:, 2] = penalty * squares[:, 2] / deviations[0]**2
         farthest = float(offsets[-1, :2].max())
         half = int((min(float(reach.max()), tuning.SEARCH.reach) + farthest) * maps.frame[2]) + 3
         corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half

@@ -14,7 +14,7 @@ import numpy as np
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.matcher import WINDOW_MOST, FastMatcher
+from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_file, state_layout
 from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.io.state_file import StateError
@@ -182,7 +182,7 @@ def _mapper(config: GmappingConfig, store: Store) -> Mapper:
 def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: FloatArray) -> float:
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
     particles = mapper.particles
-    found = matcher.search(particles.maps, particles.best, reading, pose, WINDOW_MOST)
+    found = matcher.search(particles.maps, particles.best, reading, pose, WINDOW_MOST, NO_PRIOR)
     row = matcher.match_one(particles.maps, particles.best, reading, found, found, 1.0 / np.square(LINKS.prior))
     return float(row[mk.SCORE]) / reading.beams.shape[1]
 
