@@ -315,7 +315,7 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
-            doubtful = self._gaps.allow_turn(tracker.has_slipped) or tracker.has_turned
+            doubtful = self._gaps.allow_turn(tracker.has_slipped) or tracker.has_turned or tracker.is_unexplained
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)

@@ -9,7 +9,14 @@ import pytest
 from m2wr_gmapping import tuning
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
-from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_PRIOR, NO_SLIP, FastMatcher, occlusion_cost
+from m2wr_gmapping.frontend.matcher import (
+    LARGE_SLIP,
+    NO_PRIOR,
+    NO_SLIP,
+    UNEXPLAINED,
+    FastMatcher,
+    occlusion_cost,
+)
 from m2wr_gmapping.frontend.occlusion import NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.track import Request
@@ -87,13 +94,16 @@ def test_a_scan_that_suddenly_fits_nothing_shows_a_turn(share, rotated, found):
     assert slip == found and row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
 
 
-def test_a_scan_of_an_unknown_area_is_no_turn():
-    """Nothing of it fits, wherever the robot would look."""
+@pytest.mark.parametrize("conflict, found", [
+    (NO_CONFLICT, NO_SLIP), (Conflict(0, 100, 90, 100), NO_SLIP), (Conflict(90, 100, 90, 100), UNEXPLAINED)])
+def test_a_scan_of_an_unknown_area_is_no_turn(conflict, found):
+    """Nothing of it fits, wherever the robot would look. Only walls that it looks through show that it was moved."""
     matcher, maps, _ = corridor(3.0, 1)
     ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(LASER.angles))
     ask = Request(np.array([5.0, 5.0, 0.0]), np.array([5.0, 5.0, 0.0]), np.full(3, 1e-3), np.full(3, 1e3),
                   np.array([0.2, 0.3]))
-    assert matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: NO_CONFLICT)[1] == NO_SLIP
+    row, slip = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict)
+    assert slip == found and row[:3] == pytest.approx([5.0, 5.0, 0.0])
 
 
 def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():
@@ -103,7 +113,8 @@ def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():
     assert (np.diff(costs) > 0.0).all()
 
 
-@pytest.mark.parametrize("deviations, along", [(NO_PRIOR, 0.5), (np.array([0.2, 0.2]), 0.5), (np.array([0.02, 0.2]), 0.1)])
+@pytest.mark.parametrize("deviations, along", [
+    (NO_PRIOR, 0.5), (np.array([0.2, 0.2]), 0.5), (np.array([0.02, 0.2]), 0.1)])
 def test_a_search_weighs_scan_and_prior_as_a_match_does(deviations, along):
     """The end of the corridor tells where the robot is; a prior of 2 cm outweighs it."""
     matcher, maps, reading = corridor(3.0, 1)

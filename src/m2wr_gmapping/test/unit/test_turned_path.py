@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot that is carried and turned in a plain corridor: noticed later, by the places that it sees a second time."""
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping.backend import turned_path
+from m2wr_gmapping.backend import place_search, turned_path
 from m2wr_gmapping.backend.loop_graph import distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.occlusion import Conflict
@@ -108,18 +109,28 @@ def test_fixed_point_tells_where_the_robot_was_turned(turn):
     assert turned_path.turned_node(path, doubts, correction, shift) == 5
 
 
-def test_path_through_walls_is_not_consistent():
+def drifting(shift):
+    """A graph whose nodes have drifted by at most ``shift`` [m] and 0.1 rad against the first 41."""
+    def scene(path, along, readings, node):
+        count = node + 1
+        return (place_search.Scene(path[:count], along[:count], readings[:count], np.arange(41),
+                                   np.full(count, shift), np.full(count, 0.1)), np.arange(41), np.zeros(0, int))
+    return SimpleNamespace(scene=scene)
+
+
+@pytest.mark.parametrize("aside, shift, wanted", [
+    (0.0, 0.5, True), (1.5, 0.5, False), (0.8, 0.3, False), (0.8, 1.2, True)])
+def test_path_through_walls_is_not_consistent(aside, shift, wanted):
+    """Unless it has drifted so far, and its scans fit where they do not look through walls."""
     rng = np.random.default_rng(1)
     walls = corridor(rng)
     truth = np.zeros((41, 3))
     truth[:, 0] = START + 0.5 * np.arange(41)
     seen = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in truth]
-    path, placed = np.concatenate([truth, truth]), np.ones(82, bool)
+    path, placed = np.concatenate([truth, truth + [0.0, aside, 0.0]]), np.ones(82, bool)
     along = np.concatenate([distances_along(truth), 30.0 + distances_along(truth)])
-    assert turned_path.is_consistent(path, along, seen + seen, 41, placed)
-    path[41:, 1] += 1.5
-    assert not turned_path.is_consistent(path, along, seen + seen, 41, placed)
-    assert turned_path.is_consistent(path, along, seen + seen, 41, ~placed)      # their place is not known
+    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41, placed) == wanted
+    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41, ~placed)    # places not known
 
 
 @pytest.mark.parametrize("few, wanted", [(True, True), (False, False)])
@@ -129,7 +140,8 @@ def test_a_scan_counts_by_what_it_has_in_view(few, wanted, monkeypatch):
     monkeypatch.setattr(turned_path, "conflict_with_nearest", lambda *_: next(found))
     path = np.zeros((6, 3))
     path[:, 0] = turned_path.SEARCH.near_path * np.arange(6)
-    assert turned_path.is_consistent(path, path[:, 0].copy(), [None] * 6, 0, np.ones(6, bool)) == wanted
+    nowhere = SimpleNamespace(scene=lambda *_: (None, np.zeros(0, int), None))
+    assert turned_path.is_consistent(nowhere, path, path[:, 0].copy(), [None] * 6, 0, np.ones(6, bool)) == wanted
 
 
 @pytest.mark.parametrize("stamps, noticed", [
@@ -168,3 +180,19 @@ def test_frequent_slips_beside_frequent_gaps_are_no_turn(slips, allowed):
         gaps.restart()
     gaps.add(stamp + 0.2)
     assert gaps.allow_turn(True) == allowed
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_a_robot_that_is_carried_into_another_room_is_doubtful(carried):
+    """Without any gap between the scans: those of the new room look through walls of the old one, and fit nowhere."""
+    rooms = [np.array([(-x, -y, x, -y), (x, -y, x, y), (x, y, -x, y), (-x, y, -x, -y), (-x, -y, -x + cut, y)])
+             for x, y, cut in ((4.0, 1.5, 1.0), (2.2, 6.0, 3.0))]
+    mapper = Mapper(GmappingConfig.from_mapping(dict(
+        particles=4, threads=1, linearUpdate=0.5, angularUpdate=0.4, xmin=-1.0, ymin=-1.0, xmax=1.0, ymax=1.0)), LASER)
+    for k in range(30):
+        odom = np.array([0.1 * k - 2.0, 0.0, 0.0])
+        is_away = carried and k >= 15
+        seen = ranges(rooms[int(is_away)], odom - [1.0, 0.3, 0.0] * np.array(is_away), LASER.angles)
+        mapper.process(mapper.reading(seen), odom, 0.1 * k)
+    assert bool(mapper._history.doubtful) == carried
+    mapper.close()

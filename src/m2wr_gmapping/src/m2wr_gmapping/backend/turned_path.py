@@ -220,12 +220,16 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
     return np.array([score >= least for score in scores])
 
 
-def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                   placed: BoolArray) -> bool:
     """Return whether the path after a turn nowhere conflicts by occlusion with the scans before it.
 
+    A scan that conflicts is searched within its drift first: before loops are closed, that is more than the margin of
+    the check.
+
     Parameters
     ----------
+    graph : LoopGraph
     path : (K, 3) float64
         Poses with the turn [m, m, rad], in ``map``.
     along : (K,) float64
@@ -241,6 +245,12 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
         if placed[later]:
             found = conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks)
+            if found.share > OCCLUSION.most_conflict:
+                scene, near, _ = graph.scene(path, along, readings, later)
+                near = near[near < node]
+                pose = place_search.near_search(scene, near)[0] if len(near) else None
+                if pose is not None:
+                    found = conflict_with_nearest(pose, readings[later], path[:node], readings, LINKS.looks)
             if found.in_view >= SEARCH.fewest:      # of fewer, one person is a large share
                 shares.append(found.share)
     count = min(len(shares), int(SEARCH.path / SEARCH.near_path) + 1)

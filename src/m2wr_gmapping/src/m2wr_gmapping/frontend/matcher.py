@@ -31,7 +31,7 @@ BASIN = np.array(tuning.MATCHING.basin)      # [m, rad]
 WINDOW_MOST = np.array(tuning.MATCHING.search_most)
 NO_PRIOR = np.array([math.inf, math.inf])
 TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
-NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
+NO_SLIP, SLIP, LARGE_SLIP, UNEXPLAINED = 0, 1, 2, 3
 
 
 class Beams(Protocol):
@@ -168,7 +168,8 @@ class FastMatcher:
         row : (13,) float64
             Result row.
         slip : int
-            NO_SLIP, SLIP, or LARGE_SLIP for a rotation far from odometry.
+            NO_SLIP, SLIP, LARGE_SLIP for a rotation far from odometry, or UNEXPLAINED if no match was found, and older
+            scans contradict odometry as clearly as a slip is improbable.
         """
         expected, variances, inverse = ask.expected, ask.variances, ask.inverse
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
@@ -215,6 +216,8 @@ class FastMatcher:
                                   max(MOST_CONFLICT, 0.5 * denied.share))
             if turned is not None:
                 return turned, LARGE_SLIP
+            if not slip and occlusion_cost(denied.mutual, count) > tuning.SLIPS.cost:
+                slip = UNEXPLAINED
         return row, slip
 
     def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,

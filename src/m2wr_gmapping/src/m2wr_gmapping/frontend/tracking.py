@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
-from m2wr_gmapping.frontend.matcher import LARGE_SLIP
+from m2wr_gmapping.frontend.matcher import LARGE_SLIP, SLIP, UNEXPLAINED
 from m2wr_gmapping.frontend.track import (
     REQUEST_SIZE,
     calibration_of,
@@ -53,13 +53,15 @@ class Tracker:
     ----------
     has_turned : bool
         Whether since the last processed scan the pose was found in all directions, far from odometry.
+    is_unexplained : bool
+        Whether older scans contradict the newest one at every pose that was tried.
     """
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
         self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
         self._ask = np.zeros(REQUEST_SIZE)
-        self.has_turned = False
+        self.has_turned = self.is_unexplained = False
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
 
     @property
@@ -80,7 +82,8 @@ class Tracker:
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
         tk.restart(self._track)
-        self.has_turned, self._share = False, 1.0
+        self.has_turned = self.is_unexplained = False
+        self._share = 1.0
 
     def relax_prior(self) -> None:
         """Allow the next match to correct the pose by some cells."""
@@ -170,7 +173,8 @@ class Tracker:
         row, slip = self._matcher.track(maps, particle, reading, ask, long, share, conflict)
         self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
         self.has_turned |= slip == LARGE_SLIP
-        tk.accept_match(self._track, self._noise, anchor, row, bool(slip),
+        self.is_unexplained = slip == UNEXPLAINED
+        tk.accept_match(self._track, self._noise, anchor, row, slip in (SLIP, LARGE_SLIP),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True
 
