@@ -109,6 +109,10 @@ def test_fixed_point_tells_where_the_robot_was_turned(turn):
     assert turned_path.turned_node(path, doubts, correction, shift) == 5
 
 
+#: A graph that places no node after the turn.
+NOT_PLACED = SimpleNamespace(scene=lambda *_: (None, np.zeros(0, int), None))
+
+
 def drifting(shift):
     """A graph whose nodes have drifted by at most ``shift`` [m] and 0.1 rad against the first 41."""
     def scene(path, along, readings, node):
@@ -127,10 +131,10 @@ def test_path_through_walls_is_not_consistent(aside, shift, wanted):
     truth = np.zeros((41, 3))
     truth[:, 0] = START + 0.5 * np.arange(41)
     seen = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in truth]
-    path, placed = np.concatenate([truth, truth + [0.0, aside, 0.0]]), np.ones(82, bool)
+    path = np.concatenate([truth, truth + [0.0, aside, 0.0]])
     along = np.concatenate([distances_along(truth), 30.0 + distances_along(truth)])
-    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41, placed) == wanted
-    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41, ~placed)    # places not known
+    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41) == wanted
+    assert turned_path.is_consistent(NOT_PLACED, path, along, seen + seen, 41)
 
 
 @pytest.mark.parametrize("few, wanted", [(True, True), (False, False)])
@@ -138,10 +142,11 @@ def test_a_scan_counts_by_what_it_has_in_view(few, wanted, monkeypatch):
     """One of five contradicts. It is a passer-by if it has hardly anything in view."""
     found = iter([Conflict(0, 50, 1, 50)] * 4 + [Conflict(0, 0, 3, 3) if few else Conflict(90, 100, 90, 100)])
     monkeypatch.setattr(turned_path, "conflict_with_nearest", lambda *_: next(found))
-    path = np.zeros((6, 3))
-    path[:, 0] = turned_path.SEARCH.near_path * np.arange(6)
-    nowhere = SimpleNamespace(scene=lambda *_: (None, np.zeros(0, int), None))
-    assert turned_path.is_consistent(nowhere, path, path[:, 0].copy(), [None] * 6, 0, np.ones(6, bool)) == wanted
+    path = np.zeros((7, 3))
+    path[:, 0] = turned_path.SEARCH.near_path * np.arange(7)
+    monkeypatch.setattr(turned_path.place_search, "near_search", lambda *_: (None, False))
+    graph = SimpleNamespace(scene=lambda *_: (None, np.zeros(1, int), None))
+    assert turned_path.is_consistent(graph, path, path[:, 0].copy(), [None] * 7, 1) == wanted
 
 
 @pytest.mark.parametrize("stamps, noticed", [

@@ -158,8 +158,7 @@ class LoopCloser:
                                  + [find.link for find in found])
         solved = self.graph.solve(path, True)
         path = path if solved is None else solved
-        placed = self.graph.drift(path, len(path) - 1)[0] <= DRIFT.near
-        if not is_consistent(self.graph, path, along, readings, node, placed):
+        if not is_consistent(self.graph, path, along, readings, node):
             self._history.replace_step(node, before)
             self.graph.replace_links(links)
             self.graph.rejected = rejected

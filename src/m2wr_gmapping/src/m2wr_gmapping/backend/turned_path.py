@@ -220,12 +220,12 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
     return np.array([score >= least for score in scores])
 
 
-def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                  placed: BoolArray) -> bool:
+def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                  node: int) -> bool:
     """Return whether the path after a turn nowhere conflicts by occlusion with the scans before it.
 
-    A scan that conflicts is searched within its drift first: before loops are closed, that is more than the margin of
-    the check.
+    Scans are compared with those that have little drift against them. One that conflicts is searched within this drift
+    first: before loops are closed, it is more than the margin of the check.
 
     Parameters
     ----------
@@ -238,21 +238,21 @@ def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, reading
         Scans of the path's nodes.
     node : int
         First node after the turn.
-    placed : (K,) bool
-        Nodes whose place is known well enough.
     """
     shares = []
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
-        if placed[later]:
-            found = conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks)
-            if found.share > OCCLUSION.most_conflict:
-                scene, near, _ = graph.scene(path, along, readings, later)
-                near = near[near < node]
-                pose = place_search.near_search(scene, near)[0] if len(near) else None
-                if pose is not None:
-                    found = conflict_with_nearest(pose, readings[later], path[:node], readings, LINKS.looks)
-            if found.in_view >= SEARCH.fewest:      # of fewer, one person is a large share
-                shares.append(found.share)
+        scene, near, _ = graph.scene(path, along, readings, int(later))
+        near = near[near < node]
+        if not len(near):
+            continue
+        before = path[near], [readings[k] for k in near]
+        found = conflict_with_nearest(path[later], readings[later], *before, LINKS.looks)
+        if found.share > OCCLUSION.most_conflict:
+            pose = place_search.near_search(scene, near)[0]
+            if pose is not None:
+                found = conflict_with_nearest(pose, readings[later], *before, LINKS.looks)
+        if found.in_view >= SEARCH.fewest:      # of fewer, one person is a large share
+            shares.append(found.share)
     count = min(len(shares), int(SEARCH.path / SEARCH.near_path) + 1)
     means = np.convolve(shares, np.full(count, 1.0 / count), "valid") if shares else np.zeros(1)
     return bool(means.max() <= OCCLUSION.most_conflict)
