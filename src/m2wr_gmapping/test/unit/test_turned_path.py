@@ -197,7 +197,7 @@ def test_a_robot_that_is_carried_into_another_room_is_doubtful(carried):
     for k in range(30):
         odom = np.array([0.1 * k - 2.0, 0.0, 0.0])
         is_away = carried and k >= 15
-        seen = ranges(rooms[int(is_away)], odom - [1.0, 0.3, 0.0] * np.array(is_away), LASER.angles)
+        seen = ranges(rooms[int(is_away)], odom - is_away * np.array([1.0, 0.3, 0.0]), LASER.angles)
         mapper.process(mapper.reading(seen), odom, 0.1 * k)
     assert bool(mapper._history.doubtful) == carried
     mapper.close()

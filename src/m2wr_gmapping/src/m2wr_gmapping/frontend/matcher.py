@@ -168,8 +168,8 @@ class FastMatcher:
         row : (13,) float64
             Result row.
         slip : int
-            NO_SLIP, SLIP, LARGE_SLIP for a rotation far from odometry, or UNEXPLAINED if no match was found, and older
-            scans contradict odometry as clearly as a slip is improbable.
+            NO_SLIP, SLIP, LARGE_SLIP for a rotation far from odometry, or UNEXPLAINED if no slip explains the scan, and
+            older scans contradict its match as clearly as a slip is improbable.
         """
         expected, variances, inverse = ask.expected, ask.variances, ask.inverse
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
@@ -194,7 +194,8 @@ class FastMatcher:
         doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
         if not (doubtful or is_lost):
             return row, NO_SLIP
-        best += occlusion_cost(denied.mutual, count)
+        contradiction = occlusion_cost(denied.mutual, count)
+        best += contradiction
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
         deviations = window / tuning.DRIFT.deviations
         plain, wide = row[:3], np.square(deviations)[[0, 0, 1]]
@@ -216,7 +217,7 @@ class FastMatcher:
                                   max(MOST_CONFLICT, 0.5 * denied.share))
             if turned is not None:
                 return turned, LARGE_SLIP
-            if not slip and occlusion_cost(denied.mutual, count) > tuning.SLIPS.cost:
+            if not slip and contradiction > tuning.SLIPS.cost:
                 slip = UNEXPLAINED
         return row, slip
 

@@ -54,7 +54,7 @@ class Tracker:
     has_turned : bool
         Whether since the last processed scan the pose was found in all directions, far from odometry.
     is_unexplained : bool
-        Whether older scans contradict the newest one at every pose that was tried.
+        Whether older scans contradict the newest one, and no pose that was tried explains it.
     """
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
