@@ -64,7 +64,7 @@ RULES = (
     Rule("m2wr_tools/*/*.py", ANYTHING, True, False, ()),                 # commands, nodes, measurements of time
     Rule("m2wr_tools/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
-    Rule("m2wr_node/kernel_cache.py", {"numba"}, False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_node/kernel*.py", {"numba", "numpy"}, False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_node/internals/*.py", ANYTHING, True, False, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_nodelet/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
@@ -167,7 +167,7 @@ RULES = (
     Rule("motion_plan/*.py", NUMERIC, False, True, ("motion_plan.ros*",)),
 )
 KERNEL_STANDARD = {"math", "typing", "__future__"}
-KERNEL_NEIGHBOURS = ("kernels", "_layout", "track", "tuning", "array_types")    # our own that kernels import
+KERNEL_NEIGHBOURS = ("kernel", "kernels", "_layout", "track", "tuning", "array_types")    # our own that kernels import
 ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
 #: The only folder that uses private parts of rospy, and modules with one of their own, with the reason.

@@ -15,10 +15,7 @@ import os
 import shutil
 from typing import Any, Callable, Dict, Optional, Tuple
 
-try:
-    from numba import njit
-except ImportError:             # without numba no kernel is compiled
-    njit = None
+from m2wr_node import kernel
 
 _STAMP = "kernels.sha1"
 
@@ -44,8 +41,22 @@ def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[s
     further : callable
         Returns for the source text of such a module what else its kernels depend on, with a ``repr`` of its own.
     """
-    if njit is None:
+    top = _top_folder(path)
+    if kernel.loaded(os.path.basename(top), top) is not None:
+        kernel.before_numba.append(lambda: _refresh(path, endings, further))
         return
+    _refresh(path, endings, further)
+
+
+def _top_folder(path: str) -> str:
+    """Return the folder of the top package that contains a file."""
+    folder = os.path.dirname(os.path.abspath(path))
+    while os.path.exists(os.path.join(os.path.dirname(folder), "__init__.py")):
+        folder = os.path.dirname(folder)
+    return folder
+
+
+def _refresh(path: str, endings: Tuple[str, ...], further: Callable[[str], object]) -> None:
     folder = os.path.dirname(os.path.abspath(path))
     digest = hashlib.sha1()
     try:
@@ -85,6 +96,10 @@ def _copy(source: str, cache: str) -> None:
 
 def _place(module: str) -> Optional[str]:
     """Return the folder in which numba caches the compiled kernels of a file; None if it caches nothing."""
+    try:
+        from numba import njit
+    except ImportError:                         # without numba no kernel is compiled
+        return None
     probe: Dict[str, Any] = {"__name__": "probe"}
     exec(compile("def probe():\n    pass\n", module, "exec"), probe)      # for numba, a function of that file
     try:

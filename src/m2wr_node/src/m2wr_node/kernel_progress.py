@@ -25,7 +25,7 @@ def kernels(package: str) -> Dict[str, Any]:
             continue
         for value in vars(importlib.import_module(module.name)).values():
             function = getattr(value, "py_func", None)
-            if function is not None and hasattr(value, "overloads") and function.__module__.startswith(package + "."):
+            if function is not None and function.__module__.startswith(package + "."):
                 found["%s.%s" % (function.__module__.split(".", 1)[1], function.__name__)] = value
     return found
 
@@ -68,7 +68,7 @@ class KernelProgress:
     def _look(self) -> List[str]:
         """Return the names of those that were compiled since the last look."""
         news = [name for name, kernel in self._kernels.items()
-                if name not in self._compiled and kernel.overloads and kernel.stats.cache_misses]
+                if name not in self._compiled and getattr(kernel, "overloads", None) and kernel.stats.cache_misses]
         self._compiled += news
         return news
 

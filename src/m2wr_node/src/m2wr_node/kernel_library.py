@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Compiles the kernels of a package into a shared library, which :mod:`m2wr_node.kernel` loads without numba.
+
+A library has the kernels that Python calls, for the types of arguments that a warm-up of the package calls them with.
+numba's ahead-of-time compiler makes it (``numba.pycc``; tried with numba 0.56, 0.58 and 0.68).  Where that compiler, a
+C compiler or Python's header files are missing, there is no library, and numba compiles at run time.
+"""
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from typing import Any, Dict, List, Optional, Tuple
+
+from m2wr_node import kernel
+from m2wr_node.kernel_progress import kernels
+
+
+class NoLibraryError(Exception):
+    """A library cannot be made; the message says why."""
+
+
+def update(package: str, warm_up: str) -> str:
+    """Compile the library of a package if it is missing or out of date.
+
+    Call the warm-up before, which fills numba's cache.  Otherwise the library also has the kernels that only other
+    kernels call, which makes it larger.
+
+    Parameters
+    ----------
+    package : str
+        Name of the Python package.
+    warm_up : str
+        Module with a function ``compile_kernels()``, which calls every kernel that Python calls.
+
+    Returns
+    -------
+    str
+        What was done, for the terminal.
+    """
+    if not kernel.is_wanted():
+        return "%s: no library of kernels, by the environment" % package
+    folder = _source_folder(package)
+    library, description = kernel.paths(package, folder)
+    if os.path.exists(library) and _checksum_in(description) == kernel.checksum(folder):
+        return "%s: the library of kernels is up to date" % package
+    environment = dict(os.environ)
+    environment[kernel.SWITCH] = "0"
+    made = subprocess.run([sys.executable, "-m", __name__, package, warm_up], env=environment, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    last = (made.stdout.strip().splitlines() or ["no output"])[-1]
+    if made.returncode:
+        return "%s: no library of kernels, numba compiles at run time: %s" % (package, last)
+    return "%s: %s" % (package, last)
+
+
+def _source_folder(package: str) -> str:
+    """Return the folder with the sources of a package. Its name leads to a relay in devel/ instead."""
+    return kernel.package_folder(next(iter(kernels(package).values())).py_func)
+
+
+def _checksum_in(description: str) -> Optional[str]:
+    try:
+        with open(description) as stream:
+            return str(json.load(stream)["checksum"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def compile_library(package: str, warm_up: str) -> int:
+    """Call the warm-up, then compile each kernel that was called for the types of its arguments.
+
+    Parameters
+    ----------
+    package : str
+        Name of the Python package.
+    warm_up : str
+        Module with a function ``compile_kernels()``.
+
+    Returns
+    -------
+    int
+        Number of compiled kernels, counted once per combination of types.
+
+    Raises
+    ------
+    NoLibraryError
+        If this installation cannot compile a library.
+    """
+    importlib.import_module(warm_up).compile_kernels()
+    wanted = {name: list(found.nopython_signatures) for name, found in kernels(package).items()}
+    folder = _source_folder(package)
+    library, description = kernel.paths(package, folder)
+    os.makedirs(os.path.dirname(library), exist_ok=True)
+    temporary = tempfile.mkdtemp(prefix=".kernels-", dir=os.path.dirname(library))
+    try:
+        about = _compile(package, wanted, temporary)
+        about["checksum"] = kernel.checksum(folder)
+        os.chmod(os.path.join(temporary, os.path.basename(library)), 0o644)
+        with open(os.path.join(temporary, "about.json"), "w") as stream:
+            json.dump(about, stream)
+        if os.path.exists(description):
+            os.remove(description)              # never an old description beside a new library
+        os.replace(os.path.join(temporary, os.path.basename(library)), library)
+        os.replace(os.path.join(temporary, "about.json"), description)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return sum(map(len, about["kernels"].values()))
+
+
+def _compile(package: str, wanted: Dict[str, List[Any]], folder: str) -> Dict[str, Any]:
+    """Compile a library in a folder; return its description."""
+    compiler = _compiler(package, folder)
+    described: Dict[str, List[Tuple[str, List[Any]]]] = {}
+    functions = {name: found.py_func for name, found in kernels(package).items()}
+    for name, signatures in wanted.items():
+        for signature in signatures:
+            types = [type_of(argument) for argument in signature.args]
+            if None in types:
+                continue
+            symbol = "kernel_%d" % sum(map(len, described.values()))
+            compiler.export(symbol, signature)(functions[name])
+            described.setdefault(name, []).append((symbol, types))
+    try:
+        compiler.compile()
+    except Exception as error:                  # of distutils, of the linker or of numba, by version
+        raise NoLibraryError("%s: %s" % (type(error).__name__, error)) from error
+    return {"kernels": described}
+
+
+def _compiler(package: str, folder: str) -> Any:
+    """Return numba's ahead-of-time compiler, which uses the same options as the one at run time."""
+    try:
+        from numba.core.codegen import AOTCPUCodegen
+        from numba.core.compiler import Flags
+        from numba.pycc import CC, compiler
+    except ImportError as error:
+        raise NoLibraryError("this numba has no ahead-of-time compiler (%s)" % error) from error
+
+    def flags() -> Any:
+        """Return flags that release the interpreter's lock and divide by zero as NumPy does."""
+        found = Flags()
+        found.release_gil = kernel.OPTIONS["nogil"]
+        found.error_model = kernel.OPTIONS["error_model"]
+        return found
+
+    # numba offers no parameters for these two.  For a processor that LLVM does not know, the name "host" alone would
+    # give code for the oldest one.
+    compiler.Flags = flags
+    AOTCPUCodegen._customize_tm_features = AOTCPUCodegen._get_host_cpu_features
+    made = CC(kernel.module_name(package), source_module=sys.modules[__name__])
+    made.output_dir, made.target_cpu = folder, "host"
+    return made
+
+
+def type_of(argument: Any) -> Any:
+    """Return a description of numba's type of an argument: a scalar's name, [dtype, dimensions] of an array.
+
+    None for other types, such as arrays that are not contiguous.
+    """
+    from numba import types
+    if isinstance(argument, types.Array):
+        plain = argument.layout == "C" and argument.mutable and argument.aligned
+        return [str(argument.dtype), argument.ndim] if plain else None
+    return str(argument) if str(argument) in kernel.SCALARS else None
+
+
+if __name__ == "__main__":
+    try:
+        print("a library of %d kernels compiled" % compile_library(*sys.argv[1:3]))
+    except (NoLibraryError, OSError) as failure:
+        sys.exit(str(failure))
