@@ -9,11 +9,14 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.frontend.information_kernels import weak_axis
+from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
+from m2wr_node import kernel_library
 from m2wr_node.kernel_progress import KernelProgress
 
 
@@ -39,10 +42,12 @@ def tour(mapper: Mapper, steps: int = 40) -> None:
 
 
 def rare_work(mapper: Mapper) -> None:
-    """Call the kernels that the tour may not reach: window search, drift, loop search, graph optimisation."""
+    """Call the kernels that the tour may not reach: corridors, window search, drift, loop search, optimisation."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
+    weak_axis(np.ones(RESULT_SIZE))
+    particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
@@ -74,3 +79,4 @@ def compile_kernels() -> None:
 if __name__ == "__main__":
     with KernelProgress("m2wr_gmapping"):
         compile_kernels()
+    print("   " + kernel_library.update("m2wr_gmapping", "m2wr_gmapping.kernel_warm_up"))

@@ -6,13 +6,14 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _relax(k: int, onto: int, out: FloatArray) -> bool:
     """Continue a route over a link from node ``k`` to ``onto``; True if this is the better route."""
     if out[k, 0] >= out[onto, 0]:
@@ -21,7 +22,7 @@ def _relax(k: int, onto: int, out: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatArray, turn: FloatArray,
                out: FloatArray) -> None:
     """Continue from node ``first`` along the path, backwards (``direction`` -1) or forwards (1), while the route is
@@ -37,7 +38,7 @@ def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatAr
         out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = by_heading, by_steps, heading
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def drift(path: FloatArray, variances: FloatArray, walk: float, links: IndexArray, source: int,
           out: FloatArray) -> None:
     """Compute the drift of all nodes against ``source``, each along the route with the least drift of the heading.
@@ -85,7 +86,7 @@ def drift(path: FloatArray, variances: FloatArray, walk: float, links: IndexArra
                         _propagate(onto, direction, lever, variances, turn, out)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def distances_along(path: FloatArray, out: FloatArray) -> None:
     """Write the length of a path up to each node.
 
@@ -104,7 +105,7 @@ def distances_along(path: FloatArray, out: FloatArray) -> None:
         out[k] = total
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def old_nodes(along: FloatArray, node: int, old: float) -> int:
     """Return the number of nodes at the start of the path that are more than ``old`` metres of path before ``node``.
 
@@ -123,7 +124,7 @@ def old_nodes(along: FloatArray, node: int, old: float) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: float, near: float,
                     numbers: IndexArray) -> Tuple[int, int]:
     """Find which of the first ``count`` nodes may be close to the last one, given the drift between them.
@@ -161,7 +162,7 @@ def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: flo
     return nears, fars
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _inverse(a: float, b: float, c: float, d: float, e: float, f: float, out: FloatArray) -> None:
     """Write the inverse of the symmetric matrix (a b c, b d e, c e f) into ``out`` (3, 3)."""
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
@@ -172,7 +173,7 @@ def _inverse(a: float, b: float, c: float, d: float, e: float, f: float, out: Fl
     out[1, 2] = out[2, 1] = (b * c - a * e) * by
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def inverse(matrix: FloatArray, out: FloatArray) -> None:
     """Write the inverse of a symmetric matrix. This is faster than the function of numpy.
 
@@ -186,7 +187,7 @@ def inverse(matrix: FloatArray, out: FloatArray) -> None:
     _inverse(matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2], matrix[2, 2], out)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def covariance(information: FloatArray, dependent: float, deviations: FloatArray, floor: FloatArray,
                out: FloatArray) -> None:
     """Write the covariance of a match; see ``loop_graph.covariance``.

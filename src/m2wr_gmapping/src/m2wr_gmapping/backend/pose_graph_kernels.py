@@ -25,7 +25,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -33,12 +34,12 @@ if TYPE_CHECKING:
 WORD = 64
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _wrapped(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def residuals(poses: FloatArray, pairs: IndexArray, measured: FloatArray, information: FloatArray, residual: FloatArray,
               squared: FloatArray) -> None:
     """Write the residuals and their squares.
@@ -73,7 +74,7 @@ def residuals(poses: FloatArray, pairs: IndexArray, measured: FloatArray, inform
         squared[e] = total
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _neighbours(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray]:
     """Return the neighbours of each node, without node 0: starts (K + 1,), degrees (K,), members."""
     degree = np.zeros(count, np.int64)
@@ -99,7 +100,7 @@ def _neighbours(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, 
     return first, degree, members
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _replace(node: int, old: int, new: int, first: IndexArray, degree: IndexArray, members: IndexArray) -> None:
     """Replace ``old`` by ``new`` among a node's neighbours; remove it if ``new`` is there already or negative."""
     at = known = -1
@@ -115,7 +116,7 @@ def _replace(node: int, old: int, new: int, first: IndexArray, degree: IndexArra
         members[at] = members[first[node] + degree[node]]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _bits(word: int) -> int:
     """Number of ones of an unsigned word."""
     count = 0
@@ -125,7 +126,7 @@ def _bits(word: int) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _eliminate_rest(nodes: IndexArray, first: IndexArray, degree: IndexArray, members: IndexArray, done: int,
                     order: IndexArray, starts: IndexArray, columns: IndexArray) -> IndexArray:
     """Eliminate ``nodes`` in the order of fewest neighbours; returns ``columns``, which may be longer than before."""
@@ -171,7 +172,7 @@ def _eliminate_rest(nodes: IndexArray, first: IndexArray, degree: IndexArray, me
     return columns
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _eliminate(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray]:
     """Return ``order``, ``starts`` and ``columns``, the members of each column in any order."""
     first, degree, members = _neighbours(count, pairs)
@@ -204,7 +205,7 @@ def _eliminate(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, I
     return order, starts, columns[:starts[count - 1]]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _place_of(row: int, column: int, starts: IndexArray, columns: IndexArray, rank: IndexArray) -> int:
     """Position in ``columns`` of the block of two nodes, of which ``column`` is eliminated first."""
     for k in range(starts[rank[column]], starts[rank[column] + 1]):
@@ -213,7 +214,7 @@ def _place_of(row: int, column: int, starts: IndexArray, columns: IndexArray, ra
     return -1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def plan(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray, IndexArray, IndexArray]:
     """Plan the elimination of a graph.
 
@@ -258,7 +259,7 @@ def plan(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexAr
     return order, starts, columns, targets, slots
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def assemble(poses: FloatArray, pairs: IndexArray, measured: FloatArray, information: FloatArray, weights: FloatArray,
              residual: FloatArray, columns: IndexArray, slots: IndexArray, diagonal: FloatArray, blocks: FloatArray,
              gradient: FloatArray) -> None:
@@ -323,7 +324,7 @@ def assemble(poses: FloatArray, pairs: IndexArray, measured: FloatArray, informa
                     blocks[slot, 3 * j + i] += ba
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _divide(d: FloatArray, w: FloatArray) -> None:
     """Multiply a block (9,) from the right by the inverse transpose of a lower triangle (9,)."""
     for i in range(0, 9, 3):
@@ -332,7 +333,7 @@ def _divide(d: FloatArray, w: FloatArray) -> None:
         w[i + 2] = (w[i + 2] - w[i] * d[6] - w[i + 1] * d[7]) / d[8]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def factorise(order: IndexArray, starts: IndexArray, columns: IndexArray, targets: IndexArray, diagonal: FloatArray,
               blocks: FloatArray) -> bool:
     """Replace the matrix by its Cholesky factor.
@@ -383,7 +384,7 @@ def factorise(order: IndexArray, starts: IndexArray, columns: IndexArray, target
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def substitute(order: IndexArray, starts: IndexArray, columns: IndexArray, diagonal: FloatArray, blocks: FloatArray,
                x: FloatArray) -> None:
     """Solve factor * factor^T * x = b.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 COST, INFORMATION = 6, 7
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _draw_one(information: FloatArray, deviations: FloatArray, normals: FloatArray, share: float,
               out: FloatArray) -> None:
     """Write ``share`` of a draw (3,) from the product of match and motion model."""
@@ -32,7 +32,7 @@ def _draw_one(information: FloatArray, deviations: FloatArray, normals: FloatArr
     out[0] = (share * normals[0] - l10 * out[1] - l20 * out[2]) / l00
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def draw(rows: FloatArray, deviations: FloatArray, normals: FloatArray, share: float, dependent: float,
          path_weights: FloatArray, poses: FloatArray) -> int:
     """Weight every path by its match and draw its newest pose from the product of match and motion model.
@@ -81,7 +81,7 @@ def draw(rows: FloatArray, deviations: FloatArray, normals: FloatArray, share: f
     return best
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def weigh(rows: FloatArray, column: int, gain: float, log_weights: FloatArray, weights: FloatArray) -> None:
     """Add a column of the results to the log-weights, and write the normalised weights.
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray, Int8Array, Int32Array
@@ -28,7 +28,7 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 SHIFT, MASK, SIDE, CELLS = 5, 31, 32, 1024
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _block_at(ty: int, tx: int, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
               used: IndexArray) -> int:
     """Return the block at a place; an empty spare block if there was none."""
@@ -44,7 +44,7 @@ def _block_at(ty: int, tx: int, table: Int32Array, hits: Int32Array, visits: Int
     return block
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array, hits: Int32Array,
            visits: Int32Array, values: Int8Array, changed: BoolArray, used: IndexArray) -> None:
     """Add ``sign`` to the visits of all cells on the line from (x0, y0) to (x1, y1) except the last one.
@@ -87,7 +87,7 @@ def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int3
             d += 2 * db
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: int, anchor: FloatArray,
              per_metre: float, shift: IndexArray, sign: int, table: Int32Array, hits: Int32Array, visits: Int32Array,
              values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
@@ -145,7 +145,7 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
     return rays.shape[1]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def read_out(threshold: float, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
              changed: BoolArray, used: IndexArray, grid: Int8Array) -> None:
     """Update ``values`` from the counts, and write them into a grid.

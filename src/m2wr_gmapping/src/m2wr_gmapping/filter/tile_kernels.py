@@ -19,7 +19,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array, Uint16Array
@@ -30,7 +31,7 @@ TURNS_TOGETHER = 4              # rotations that tiles_around handles together
 PLACES, PLACE_SHIFT = 8, 13     # positions of a mean in its cell along one axis in draw_field: the upper three bits
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint16Array, hits: Uint8Array, holders: Int32Array,
            free: Int32Array, counters: IndexArray) -> int:
     """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
@@ -53,7 +54,7 @@ def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint16Array, hits:
     return fresh
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, table: Int32Array, mean: Uint16Array,
                     hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
                     frozen: int) -> int:
@@ -118,7 +119,7 @@ def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, ta
     return points.shape[1]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], Tuple[float, float]]:
     """Return lower and upper corner of a box that holds end points seen from any of the poses [m].
 
@@ -141,7 +142,7 @@ def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], 
     return (low_x - reach, low_y - reach), (high_x + reach, high_y + reach)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array, mean: Uint16Array,
                    hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
                    frozen: int) -> bool:
@@ -187,7 +188,7 @@ def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, 
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def take_over(n: int, ancestor: int, table: Int32Array, holders: Int32Array, free: Int32Array,
               counters: IndexArray) -> None:
     """Let a particle drop its map and share that of another one.
@@ -222,7 +223,7 @@ def take_over(n: int, ancestor: int, table: Int32Array, holders: Int32Array, fre
             table[n, ty, tx] = new
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def drop(n: int, table: Int32Array, holders: Int32Array, free: Int32Array, counters: IndexArray) -> None:
     """Clear the map of a particle.
 
@@ -250,7 +251,7 @@ def drop(n: int, table: Int32Array, holders: Int32Array, free: Int32Array, count
                 table[n, ty, tx] = -1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _stamp_values(by_sigma: float, stamps: Uint8Array) -> None:
     """Write 255 exp(-d^2 by_sigma) for the 5 x 5 cells around a mean, for each of its positions: (PLACES, PLACES, 25).
     """
@@ -263,7 +264,7 @@ def _stamp_values(by_sigma: float, stamps: Uint8Array) -> None:
                 stamps[sy, sx, k] = int(255.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667))) + 0.5)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArray, stride: int, reach: float,
                  frame: FloatArray, wanted: BoolArray) -> None:
     """Mark the tiles with means close to the points of a scan at all rotations about its pose.
@@ -307,7 +308,7 @@ def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArr
                     wanted[ty, tx] = True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def draw_field(grid: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, corner: IndexArray,
                sigma: float, wanted: BoolArray, field: Uint8Array) -> None:
     """Draw the mean hit points of one map into a dense field of match values.

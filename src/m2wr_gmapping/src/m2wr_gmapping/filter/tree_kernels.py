@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def release(leaf: int, parent: IndexArray, children: Int32Array, free: IndexArray, counters: IndexArray) -> None:
     """Delete a leaf without successors, and then its ancestors that have none.
 
@@ -45,7 +45,7 @@ def release(leaf: int, parent: IndexArray, children: Int32Array, free: IndexArra
         node = above
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def lineage(leaf: int, parent: IndexArray, out: IndexArray) -> int:
     """Write the nodes from ``leaf`` to its root.
 
@@ -71,7 +71,7 @@ def lineage(leaf: int, parent: IndexArray, out: IndexArray) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _added(above: int, place: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray,
            serial: IndexArray, free: IndexArray, counters: IndexArray) -> int:
     """Add one node at ``place`` (3,) behind the node ``above``, -1 for none; return it."""
@@ -85,7 +85,7 @@ def _added(above: int, place: FloatArray, parent: IndexArray, children: Int32Arr
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def extend(leaves: IndexArray, poses: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray,
            serial: IndexArray, free: IndexArray, counters: IndexArray) -> None:
     """Add a node behind each leaf; it becomes the leaf. There must be enough unused nodes.
@@ -113,7 +113,7 @@ def extend(leaves: IndexArray, poses: FloatArray, parent: IndexArray, children: 
         leaves[n] = _added(leaves[n], poses[n], parent, children, pose, serial, free, counters)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def chain(poses: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray, serial: IndexArray,
           free: IndexArray, counters: IndexArray) -> int:
     """Add a root and a chain of nodes.
@@ -146,7 +146,7 @@ def chain(poses: FloatArray, parent: IndexArray, children: Int32Array, pose: Flo
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def path_to(leaf: int, parent: IndexArray, pose: FloatArray, out: FloatArray) -> int:
     """Write the poses from the root to ``leaf`` to the end of ``out``.
 

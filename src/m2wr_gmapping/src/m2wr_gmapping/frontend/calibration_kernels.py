@@ -13,7 +13,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.track import (
@@ -26,6 +25,7 @@ from m2wr_gmapping.frontend.track import (
     ROTATION,
     record_of,
 )
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.MATCHING.outlier
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def corrected_step(calibration: Calibration, x: float, y: float, turn: float, step: FloatArray,
                    jacobian: FloatArray) -> float:
     """Remove the known systematic errors from a step of odometry.
@@ -86,7 +86,7 @@ def corrected_step(calibration: Calibration, x: float, y: float, turn: float, st
     return ahead
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def propagate_jacobian(step: FloatArray, of_step: FloatArray, jacobian: FloatArray) -> None:
     """Append a step to a pose whose derivative by the calibration is known.
 
@@ -107,7 +107,7 @@ def propagate_jacobian(step: FloatArray, of_step: FloatArray, jacobian: FloatArr
         jacobian[2, k] += of_step[2, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def symmetric_inverse(matrix: FloatArray, out: FloatArray) -> None:
     """Write the inverse of a symmetric positive definite matrix (N, N), by Gauss-Jordan elimination.
 
@@ -135,7 +135,7 @@ def symmetric_inverse(matrix: FloatArray, out: FloatArray) -> None:
                     out[j, k] -= factor * out[i, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _general_inverse(m: FloatArray, out: FloatArray) -> None:
     """Write the inverse of a matrix (3, 3) by its adjugate."""
     for i in range(3):
@@ -148,7 +148,7 @@ def _general_inverse(m: FloatArray, out: FloatArray) -> None:
             out[i, j] *= by
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the matrix product of a (I, K) and b (K, J); faster than BLAS for these sizes."""
     out = np.zeros((a.shape[0], b.shape[1]))
@@ -159,7 +159,7 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def observation(information: FloatArray, noise: FloatArray, vector: FloatArray, error_information: FloatArray,
                 error_vector: FloatArray) -> None:
     """Write what a scan says about the systematic error of a segment, with the random error of odometry unknown.
@@ -198,7 +198,7 @@ def observation(information: FloatArray, noise: FloatArray, vector: FloatArray, 
                                                                        + error_information[j, i])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def update(calibration: Calibration, jacobian: FloatArray, error_information: FloatArray,
            error_vector: FloatArray) -> bool:
     """Update the calibration by the observed error of one segment.
@@ -249,7 +249,7 @@ def update(calibration: Calibration, jacobian: FloatArray, error_information: Fl
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def drift(covariance: FloatArray, distance: float, prior: FloatArray, change: FloatArray) -> None:
     """Let the calibration become uncertain while the robot drives, up to its prior.
 
@@ -269,7 +269,7 @@ def drift(covariance: FloatArray, distance: float, prior: FloatArray, change: Fl
         covariance[k, k] = max(covariance[k, k], min(covariance[k, k] + most * change[k] * abs(distance), most))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def share_of_odometry(information: FloatArray, noise: FloatArray, jacobian: FloatArray, out: FloatArray) -> None:
     """Write the derivative of a fused step by the calibration.
 
@@ -301,7 +301,7 @@ def share_of_odometry(information: FloatArray, noise: FloatArray, jacobian: Floa
 # ---- smoothing
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def smooth(records: FloatArray, prior: FloatArray, change: FloatArray, out: FloatArray) -> None:
     """Estimate the calibration at each step from the whole run: filtered forwards, smoothed backwards.
 
@@ -350,7 +350,7 @@ def smooth(records: FloatArray, prior: FloatArray, change: FloatArray, out: Floa
                 out[n, i] += after[n, i, j] * right[j]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def changed_steps(records: FloatArray, prior: FloatArray, change: FloatArray, out: FloatArray) -> None:
     """Write how much each step changes if it is made with the smoothed calibration.
 

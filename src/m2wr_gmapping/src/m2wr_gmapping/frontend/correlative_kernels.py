@@ -10,7 +10,8 @@ import math
 from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
@@ -19,7 +20,7 @@ BLOCK = 4               # width of a block of offsets that share one bound
 CENTRE, BESIDE, CORNER = 255, 170, 110     # values of an end point's cell and of its neighbours
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def stamp_points(pose: FloatArray, points: FloatArray, corner: FloatArray, per_metre: float,
                  raster: Uint8Array) -> None:
     """Raise the cells around the end points of a scan.
@@ -51,7 +52,7 @@ def stamp_points(pose: FloatArray, points: FloatArray, corner: FloatArray, per_m
                     raster[iy + dy, ix + dx] = value
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def add_points(eye: FloatArray, pose: FloatArray, points: FloatArray, away: float, out: FloatArray, count: int) -> int:
     """Append the end points of a scan that are close to ``eye``, in the frame of ``eye``.
 
@@ -87,7 +88,7 @@ def add_points(eye: FloatArray, pose: FloatArray, points: FloatArray, away: floa
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def block_maximum(raster: Uint8Array, size: int, out: Uint8Array) -> None:
     """Write the maximum of the ``size`` x ``size`` cells that start at each cell, towards larger indices.
 
@@ -111,14 +112,14 @@ def block_maximum(raster: Uint8Array, size: int, out: Uint8Array) -> None:
             _raise(out[y], rows[y + k])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _raise(values: Any, others: Any) -> None:
     """Raise each of the values (W,) to the other one; a simple loop that the compiler vectorises."""
     for k in range(values.shape[0]):
         values[k] = max(values[k], others[k])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _sum_at(cells: Any, spread: IndexArray, dx: int, dy: int, raster: Uint8Array, needed: int) -> int:
     """Return the sum of the raster at the shifted cells (Q,); those outside count 0.
 
@@ -143,7 +144,7 @@ def _sum_at(cells: Any, spread: IndexArray, dx: int, dy: int, raster: Uint8Array
     return total
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _search_block(first_x: int, first_y: int, cells: Any, spread: IndexArray, raster: Uint8Array, pairs: Uint8Array,
                   needed: int, apart_cells: int, other: IndexArray, found: IndexArray) -> bool:
     """Search the offsets of one block for a sum of at least ``needed``; return whether there is one.
@@ -167,7 +168,7 @@ def _search_block(first_x: int, first_y: int, cells: Any, spread: IndexArray, ra
     return better
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _place_points(centre: FloatArray, turn: float, points: FloatArray, corner: FloatArray, per_metre: float, width: int,
                   cells: Any, spread: IndexArray) -> None:
     """Write the cells (Q,) of the points (2, Q) after a rotation, and their spread; see ``_sum_at``."""
@@ -182,7 +183,7 @@ def _place_points(centre: FloatArray, turn: float, points: FloatArray, corner: F
         spread[2], spread[3] = min(spread[2], y), max(spread[3], y)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
            per_metre: float, raster: Uint8Array, pairs: Uint8Array, coarse: Uint8Array, apart_cells: int,
            apart_turn: float, share: float, least: float, best: FloatArray) -> None:
@@ -257,7 +258,7 @@ def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
     best[5], best[6] = centre[0] + rival[1] / per_metre, centre[1] + rival[2] / per_metre
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: FloatArray, room: float,
               near: Uint8Array) -> None:
     """Mark the offsets that lead close to one of some places and have an allowed length.
@@ -289,7 +290,7 @@ def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: 
                     near[y, x] = 1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _inside(at: float, along: float, size: int) -> Tuple[float, float]:
     """Share of a ray along one axis, from 0 to 1, after which it enters the range, and after which it leaves it."""
     if abs(along) < 1e-9:
@@ -298,7 +299,7 @@ def _inside(at: float, along: float, size: int) -> Tuple[float, float]:
     return max(0.0, min(first, last)), min(1.0, max(first, last))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def mark_seen(pose: FloatArray, rays: Float32Array, corner: FloatArray, per_metre: float, seen: Uint8Array) -> None:
     """Mark the cells that the rays of a scan pass through.
 
@@ -332,7 +333,7 @@ def mark_seen(pose: FloatArray, rays: Float32Array, corner: FloatArray, per_metr
                 seen[int(fy), int(fx)] = 1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def survey(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
            per_metre: float, raster: Uint8Array, seen: Uint8Array, against: int, share: float, rating: FloatArray,
            turn: FloatArray) -> None:
@@ -402,7 +403,7 @@ def survey(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
                     rating[i, j], turn[i, j] = value, t
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def search_window(centre: FloatArray, offsets: FloatArray, turns: FloatArray, points: FloatArray, stride: int,
                   corner: FloatArray, per_metre: float, field: Uint8Array, best: FloatArray) -> None:
     """Search all offsets and rotations around a pose in a field of match values.

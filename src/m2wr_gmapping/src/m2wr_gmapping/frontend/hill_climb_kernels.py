@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from m2wr_gmapping import tuning
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
@@ -24,7 +23,7 @@ SCORE, LOG_LIKELIHOOD, FOUND = 3, 4, 5
 NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray,
              kernel: int) -> float:
     """Return the squared distance to the nearest mean hit point around a point [m^2]; -1 if there is none."""
@@ -50,7 +49,7 @@ def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint16Array, hits: U
     return best
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Array, mean: Uint16Array, hits: Uint8Array,
            frame: FloatArray, settings: FloatArray, result: FloatArray) -> float:
     """Return the score of a pose; its log-likelihood and number of matched beams are written into ``result``."""
@@ -71,7 +70,7 @@ def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Arra
     return score
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, mean: Uint16Array,
                 hits: Uint8Array, frame: FloatArray, settings: FloatArray, results: FloatArray) -> None:
     """Climb from the start poses of some particles, each in its own map.

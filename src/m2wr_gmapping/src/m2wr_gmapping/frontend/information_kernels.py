@@ -9,10 +9,10 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.pose_kernels import between, compose
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -21,7 +21,7 @@ INFORMATION = 7             # first column of the information in a result row
 NORMAL_VARIANCE, DEPENDENT = tuning.MATCHING.normal_variance, tuning.MATCHING.dependent
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def unfold(row: FloatArray, out: FloatArray) -> None:
     """Write the information matrix of a result row.
 
@@ -38,7 +38,7 @@ def unfold(row: FloatArray, out: FloatArray) -> None:
     out[2, 0], out[2, 1], out[2, 2] = h[2], h[4], h[5]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def weak_axis(row: FloatArray) -> Tuple[float, float, float, float]:
     """Return the direction that a scan observes least, and how well.
 
@@ -73,7 +73,7 @@ def weak_axis(row: FloatArray) -> Tuple[float, float, float, float]:
     return x * by, y * by, weak, true
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def scan_information(row: FloatArray, share: float, out: FloatArray) -> None:
     """Write what the scan of a match observes, without the noise of its normals.
 
@@ -100,7 +100,7 @@ def scan_information(row: FloatArray, share: float, out: FloatArray) -> None:
             out[i, j] *= share
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def scan_vector(row: FloatArray, expected: FloatArray, prior: FloatArray, out: FloatArray, told: FloatArray) -> None:
     """Write information and information vector of the scan alone about the error of a prediction.
 
@@ -129,7 +129,7 @@ def scan_vector(row: FloatArray, expected: FloatArray, prior: FloatArray, out: F
             told[i] += out[i, j] * error[j]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _replace(pose: FloatArray, row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     """Move a pose (3,), the matched one, along the weak axis of its row to where scan and odometry really meet."""
     x, y, weak, true = weak_axis(row)
@@ -143,7 +143,7 @@ def _replace(pose: FloatArray, row: FloatArray, expected: FloatArray, prior: Flo
     compose(pose, (along * x, along * y, 0.0), pose)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def fuse(row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     """Replace the pose of a match by the mean of odometry and what the scan truly observes.
 
@@ -162,7 +162,7 @@ def fuse(row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     _replace(row, row, expected, prior)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def fuse_all(rows: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     """Apply ``fuse`` to many matches.
 

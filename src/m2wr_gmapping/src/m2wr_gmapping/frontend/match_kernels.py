@@ -26,9 +26,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
@@ -48,13 +48,13 @@ STEP_LIMIT, CONVERGED = tuning.MATCHING.basin[0], tuning.MATCHING.converged
 STEPS_A_ROUND, NULL_DISTANCE2 = tuning.MATCHING.steps_a_round, tuning.NULL_DISTANCE2
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def scratch(beams: int) -> FloatArray:
     """Return an array for the ``pairs`` of that many beams."""
     return np.empty((beams // LANES + 1) * PAIRS)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _placed(x: float, y: float, c: float, s: float, frame: FloatArray, beams: FloatArray, pairs: FloatArray) -> None:
     """Write the positions of the end points, in cells from the table's corner, to the first two terms of each pair."""
     ox, oy, inv = frame[0], frame[1], frame[2]
@@ -67,7 +67,7 @@ def _placed(x: float, y: float, c: float, s: float, frame: FloatArray, beams: Fl
             pairs[j + _T1] = (y + s * qx[k] + c * qy[k] - oy) * inv
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, mean: Uint16Array, hits: Uint8Array,
              frame: FloatArray, pairs: FloatArray) -> int:
     """Find for each end point the nearest mean hit point in the 3 x 3 cells around it.
@@ -147,7 +147,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
     return found
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _terms(x: float, y: float, c: float, s: float, by_width: float, free: float, block: int, count: int,
            pairs: FloatArray) -> None:
     """Write the terms of the normal equations of ``count`` beams of a block."""
@@ -172,7 +172,7 @@ def _terms(x: float, y: float, c: float, s: float, by_width: float, free: float,
         pairs[j + _T8] = w * an * rn + v * at * rt
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _accumulate(x: float, y: float, theta: float, frame: FloatArray, pairs: FloatArray, found: int, width: float,
                 free: float, h: FloatArray, g: FloatArray) -> None:
     """Write the normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's axes.
@@ -201,7 +201,7 @@ def _accumulate(x: float, y: float, theta: float, frame: FloatArray, pairs: Floa
     g[0], g[1], g[2] = g0, g1, g2
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def solve(h: FloatArray, g: FloatArray, step: FloatArray) -> bool:
     """Solve the symmetric 3 x 3 system h * step = -g by Cholesky factorisation.
 
@@ -241,7 +241,7 @@ def solve(h: FloatArray, g: FloatArray, step: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _ratings(x: float, y: float, c: float, s: float, sigma: float, by_width: float, block: int, count: int,
              pairs: FloatArray) -> None:
     """Write the squared distance, the exponent of the score and the robust weight of each of ``count`` beams of a
@@ -257,7 +257,7 @@ def _ratings(x: float, y: float, c: float, s: float, sigma: float, by_width: flo
         pairs[j + _T2] = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _rate(x: float, y: float, theta: float, beams: int, frame: FloatArray, pairs: FloatArray, found: int,
           settings: FloatArray, row: FloatArray) -> None:
     """Write score, log-likelihood and number of partners of a pose into a result row."""
@@ -276,7 +276,7 @@ def _rate(x: float, y: float, theta: float, beams: int, frame: FloatArray, pairs
     row[COST] = 0.5 * settings[NARROW] / (settings[SPREAD] * settings[SPREAD]) * (beams - kept)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: FloatArray, per_variance: float,
                h: FloatArray, g: FloatArray) -> None:
     """Divide the normal equations by the variance of a beam, and add the prior at ``prediction`` (3,)."""
@@ -296,7 +296,7 @@ def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: 
     g[2] += prior[2] * turn
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
            hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
            sums: FloatArray, row: FloatArray) -> None:
@@ -337,7 +337,7 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
     _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
                hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, row: FloatArray) -> None:
     """Match a scan in one map by Gauss-Newton, from ``start``.
@@ -373,7 +373,7 @@ def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beam
     _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def match_particles(starts: FloatArray, predictions: FloatArray, first: int, last: int, beams: FloatArray,
                     table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
                     settings: FloatArray, least: float, results: FloatArray) -> None:

@@ -66,7 +66,7 @@ def conflict_of(pairs: Iterable[Tuple[FloatArray, ScanReading, FloatArray, ScanR
     for here, reading, there, other in pairs:
         for row, (eye, seen, rays, points) in enumerate(((here, there, reading.rays, other.points),
                                                          (there, here, other.rays, reading.points))):
-            counts[row] += passed_through(rays, tuple(between(eye, seen)), points, tuning.OCCLUSION.margin,
+            counts[row] += passed_through(rays, between(eye, seen), points, tuning.OCCLUSION.margin,
                                           tuning.OCCLUSION.gap)
     return Conflict(*counts.ravel().tolist())
 

@@ -6,14 +6,15 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def passed_through(rays: Float32Array, seen: Tuple[float, float, float], points: FloatArray, margin: float,
+@kernel
+def passed_through(rays: Float32Array, seen: FloatArray, points: FloatArray, margin: float,
                    farthest_gap: float) -> Tuple[int, int]:
     """Count the points of one scan that the rays of another one pass through.
 
@@ -21,7 +22,7 @@ def passed_through(rays: Float32Array, seen: Tuple[float, float, float], points:
     ----------
     rays : (2, S) float32
         Ends of the beams, in the order of their angles [m, frame of their laser].
-    seen : (3,) float
+    seen : (3,) float64
         Pose of the points' laser in that frame [m, m, rad].
     points : (2, B) float64
         End points of the other scan [m, frame of its laser].

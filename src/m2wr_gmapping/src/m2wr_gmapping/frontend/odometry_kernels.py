@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Tuple
 
-from numba import njit
-
 from m2wr_gmapping import tuning
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise
@@ -19,7 +18,7 @@ MAX_ERROR_RATIO = tuning.MATCHING.certain**2        # greatest ratio of squared 
 MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.scale
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def user_noise(noise: Noise, dx: float, dy: float, turn: float) -> Tuple[float, float, float]:
     """Return the standard deviations of a step by the user's parameters, as ``motion_model.MotionNoise``.
 
@@ -46,7 +45,7 @@ def user_noise(noise: Noise, dx: float, dy: float, turn: float) -> Tuple[float, 
             noise.user[1, 1] * turn + noise.user[1, 0] * math.hypot(dx, dy))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def noise_parts(noise: Noise, distance: float, turn: float) -> Tuple[float, float, float, float, float, float]:
     """Return the parts of the standard deviations after a motion.
 
@@ -80,7 +79,7 @@ def noise_parts(noise: Noise, distance: float, turn: float) -> Tuple[float, floa
         heading + heading_turned)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def odometry_variances(noise: Noise, distance: float, turn: float) -> Tuple[float, float, float]:
     """Return the variances of odometry after a motion.
 
@@ -102,7 +101,7 @@ def odometry_variances(noise: Noise, distance: float, turn: float) -> Tuple[floa
     return (along + turned)**2, (across + turned)**2 + aside * aside, (heading + heading_turned)**2
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def update_noise_scales(noise: Noise, error: Tuple[float, float, float], variance: Tuple[float, float, float],
                         distance: float, turn: float) -> None:
     """Update the scales of odometry's noise by the error of one segment.

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Tuple
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def wrapped(angle: float) -> float:
     """Return an angle in [-pi, pi) [rad]."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def compose(a: Any, b: Any, out: FloatArray) -> None:
     """Transform the pose ``b`` from the frame ``a`` into the parent frame of ``a``.
 
@@ -34,7 +34,7 @@ def compose(a: Any, b: Any, out: FloatArray) -> None:
     out[0], out[1], out[2] = a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], wrapped(a[2] + b[2])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def between(a: Any, b: Any) -> Tuple[float, float, float]:
     """Return the pose ``b`` in the frame ``a``.
 
@@ -55,7 +55,7 @@ def between(a: Any, b: Any) -> Tuple[float, float, float]:
     return c * dx + s * dy, c * dy - s * dx, wrapped(b[2] - a[2])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def exceeds(x: float, y: float, theta: float, limits: Any) -> bool:
     """Return whether a motion is larger than its limits in any component.
 

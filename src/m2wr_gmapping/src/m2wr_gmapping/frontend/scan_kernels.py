@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
@@ -17,7 +17,7 @@ SPARSE, SPARSE_MOST = tuning.SCANS.sparse
 STRAIGHT, CROOKED = tuning.SCANS.straight
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def surface_normals(points: FloatArray, reach: float, side: int, limit: float, out: FloatArray) -> None:
     """Fit a line through each end point and its neighbours along the scan.
 
@@ -91,7 +91,7 @@ def surface_normals(points: FloatArray, reach: float, side: int, limit: float, o
         out[2, b] = min(1.0, max(0.0, (CROOKED - math.sqrt(small / large)) / (CROOKED - STRAIGHT)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def with_normals(points: FloatArray, reach: float, side: int, limit: float, straight: float, beams: FloatArray) -> None:
     """Write end points and their surfaces as beams, in the layout of ``match_kernels``.
 
@@ -120,7 +120,7 @@ def with_normals(points: FloatArray, reach: float, side: int, limit: float, stra
         beams[6, b] = 1.0 + (straight - 1.0) * straightness
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def classify_ranges(ranges: FloatArray, directions: FloatArray, limits: FloatArray, skip: int, gap: float,
                     points: FloatArray, used: BoolArray, rays: Float32Array, ray_hits: BoolArray) -> Tuple[int, int]:
     """Classify ranges as end points, beams that only clear space, and invalid ones.
@@ -180,7 +180,7 @@ def classify_ranges(ranges: FloatArray, directions: FloatArray, limits: FloatArr
     return count, seen
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def profile(rays: Float32Array, out: FloatArray) -> None:
     """Write the mean range of the beams in each sector around the laser.
 

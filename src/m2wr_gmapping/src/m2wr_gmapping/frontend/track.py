@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -143,32 +143,32 @@ class StepRecord(NamedTuple):
 TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 39, 45, 12, 14, 67
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def track_of(data: FloatArray) -> Track:
     """Return the named parts of ``data`` (TRACK_SIZE,) float64, as views."""
     return Track(data[:3], data[3:6], data[6:24].reshape(3, PARAMETERS), data[24:27], data[27:30], data[30:33],
                  data[33:36], data[36:39])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def calibration_of(data: FloatArray) -> Calibration:
     """Return the named parts of ``data`` (CALIBRATION_SIZE,) float64, as views."""
     return Calibration(data[:6], data[6:42].reshape(PARAMETERS, PARAMETERS), data[42:45])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def noise_of(data: FloatArray) -> Noise:
     """Return the named parts of ``data`` (NOISE_SIZE,) float64, as views."""
     return Noise(data[:4].reshape(2, 2), data[4:8].reshape(2, 2), data[8:12].reshape(2, 2))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def request_of(data: FloatArray) -> Request:
     """Return the named parts of ``data`` (REQUEST_SIZE,) float64, as views."""
     return Request(data[:3], data[3:6], data[6:9], data[9:12], data[12:14])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def record_of(data: FloatArray) -> StepRecord:
     """Return the named parts of ``data`` (RECORD_SIZE,) float64, as views."""
     return StepRecord(data[:36].reshape(PARAMETERS, PARAMETERS), data[36:42], data[42:48],

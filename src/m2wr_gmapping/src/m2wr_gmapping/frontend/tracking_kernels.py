@@ -9,7 +9,6 @@ import math
 from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.calibration_kernels import (
@@ -33,6 +32,7 @@ from m2wr_gmapping.frontend.track import (
     request_of,
     track_of,
 )
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -52,7 +52,7 @@ SLIP_LEFT = tuple(deviation**2 for deviation in tuning.SLIPS.left)      # [m^2, 
 # ---- between processed scans
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatArray,
             now: FloatArray) -> Tuple[float, float, bool]:
     """Propagate the poses by a step of odometry.
@@ -88,7 +88,7 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatA
     return distance, turn, exceeds(since[0], since[1], since[2], STATIONARY)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
     """Write the variances (3,) of ``Track.predicted`` along its axes.
 
@@ -106,7 +106,7 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
         out[k] = own[k] + track.slack[k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
     """Write the start and the prediction of the newest scan's match.
 
@@ -141,7 +141,7 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
     return long
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tuple[float, float]:
     """Return the cost of a match, and the part of odometry.
 
@@ -166,7 +166,7 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
     return row[COST] / DEPENDENT + 0.5 * pull, pull
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
     """Predict from now on from the pose ``matched`` with the variances ``slack``."""
     track.jacobian[:] = 0.0
@@ -174,7 +174,7 @@ def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
         track.predicted[k], track.slack[k], track.motion[k] = matched[k], slack[k], 0.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
     """Accept a slip that persists over some distance: a pitching robot looks like a slip for a moment."""
     aside, slip, motion = track.slip_transform, track.slip, track.motion
@@ -199,7 +199,7 @@ def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
         _restart_from(track, matched, SLIP_LEFT)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, slipped: bool,
                  at_once: bool) -> None:
     """Update the track by a match.
@@ -227,7 +227,7 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
         track.slip[2] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def restart(track_data: FloatArray) -> None:
     """Restart at the newest scan, which was processed."""
     track = track_of(track_data)
@@ -240,7 +240,7 @@ def restart(track_data: FloatArray) -> None:
 # ---- the processed scan
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatArray, starts: FloatArray,
                 predictions: FloatArray, known: FloatArray) -> None:
     """Predict all particles from their poses at the last processed scan.
@@ -273,13 +273,13 @@ def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatAr
         known[2, k] = min(math.sqrt(known[0, k]), by_user[k])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_odometry_only(track: Track) -> bool:
     """Whether the prediction was propagated by odometry from the last processed scan itself."""
     return track.slack[0] == 0.0 and track.slack[1] == 0.0 and track.slack[2] == 0.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, out: FloatArray) -> bool:
     """Write the inverse variances (3,) of the prediction with the uncertainty of the calibration included.
 
@@ -315,7 +315,7 @@ def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data:
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray) -> None:
     """Update the scales of odometry's noise by the match of a processed scan.
 
@@ -339,7 +339,7 @@ def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArr
                         track.motion[0], track.motion[1])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _posterior_variances(row: FloatArray, prior: Tuple[float, float, float]) -> Tuple[float, float, float]:
     """Return the variances of a scan's information combined with a prior of those variances."""
     h = row[INFORMATION:]
@@ -350,7 +350,7 @@ def _posterior_variances(row: FloatArray, prior: Tuple[float, float, float]) -> 
     return p * by, (a * f - c * c) * by, (a * d - b * b) * by
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, prediction: FloatArray,
           row: FloatArray, prior: FloatArray, step_data: FloatArray) -> None:
     """Update the calibration by the match of a processed scan with the prior of ``weak_prior``.
@@ -397,7 +397,7 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
             step.vector[i] += step.information[i, j] * before[j]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, row: FloatArray,
                 step_data: FloatArray) -> None:
     """Write how the newest step depends on the calibration; before ``learn``.

@@ -27,6 +27,7 @@ from typing import Any, Dict, List, Optional, Sequence, Set, Tuple
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_node import kernel
 from m2wr_tools.slam_benchmark import benchmark_command as benchmark
 from m2wr_tools.slam_benchmark import laser_logs, log_details, sensitivity_run, sensitivity_table, trajectory_errors
 
@@ -186,6 +187,7 @@ class Sensitivity:
             environment = dict(os.environ)
             if name in self._compiled:
                 environment["NUMBA_CACHE_DIR"] = os.path.join(folder, "kernels")
+                environment[kernel.SWITCH] = "0"        # a library has the constants of the source
             self._call(task, environment)
             return {log.name: self._error(log, os.path.join(folder, log.name + ".txt")) for log in self._logs}
 
