@@ -44,15 +44,7 @@ def opposite_share(scene: Scene, pose: FloatArray, around: IndexArray) -> float:
     old_points, old_normals = (np.concatenate(parts, axis=1) for parts in zip(*old))
     if not points.size or not old_points.size:
         return 0.0
-    cell = SEARCH.cells[0]
-    corner = np.minimum(points.min(axis=1), old_points.min(axis=1)) - 2.0 * cell
-    size = ((np.maximum(points.max(axis=1), old_points.max(axis=1)) - corner) / cell).astype(np.int64) + 3
-    column, row = ((old_points - corner[:, None]) / cell).astype(np.int64)
-    sums = (np.bincount(row * size[0] + column, weights, size[0] * size[1]).astype(np.float64)
-            for weights in (old_normals[0], old_normals[1], np.ones(len(row))))
-    x, y, count = (_with_neighbours(cells.reshape(size[::-1])) for cells in sums)
-    column, row = ((points - corner[:, None]) / cell).astype(np.int64)
-    x, y, count = x[row, column], y[row, column], count[row, column]
+    x, y, count = _sums_around(points, old_points, np.vstack([old_normals, np.ones(old_points.shape[1])]))
     seen = (count > 0.0) & (np.hypot(x, y) > 0.5 * count)
     opposite = seen & (normals[0] * x + normals[1] * y < 0.0)
     return float(np.count_nonzero(opposite)) / max(1, int(np.count_nonzero(seen)))
@@ -66,12 +58,17 @@ def _surface(reading: ScanReading, pose: FloatArray) -> Tuple[FloatArray, FloatA
     return np.array(placed(pose, points)), np.array(placed([0.0, 0.0, pose[2]], normals))
 
 
-def _with_neighbours(cells: FloatArray) -> FloatArray:
-    """Return the sums (H, W) of each cell and the eight around it."""
-    sums = cells.copy()
-    sums[1:] += cells[:-1]
-    sums[:-1] += cells[1:]
-    found = sums.copy()
-    found[:, 1:] += sums[:, :-1]
-    found[:, :-1] += sums[:, 1:]
-    return found
+def _sums_around(points: FloatArray, old_points: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the sums (V, M) of the values (V, B) of old points (2, B) in the cell of each point (2, M) and around it.
+
+    Cells without a point are not stored: the end points of a laser of 80 m are far apart.
+    """
+    corner = np.minimum(points.min(axis=1), old_points.min(axis=1)) - SEARCH.cells[0]
+    (column, row), (old_column, old_row) = (((these - corner[:, None]) / SEARCH.cells[0]).astype(np.int64)
+                                            for these in (points, old_points))
+    width = int(max(column.max(), old_column.max())) + 2
+    cells, index = np.unique(old_row * width + old_column, return_inverse=True)
+    sums = np.array([np.bincount(index, row_of) for row_of in values])
+    around = (row * width + column)[:, None] + np.add.outer([-width, 0, width], [-1, 0, 1]).ravel()
+    found = np.minimum(np.searchsorted(cells, around), len(cells) - 1)
+    return (sums[:, found] * (cells[found] == around)).sum(axis=2)
