@@ -13,7 +13,8 @@ import logging
 import math
 import os
 import re
-from typing import TYPE_CHECKING, Iterable, List, Optional, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Iterable, Iterator, List, Optional, Sequence
 
 import numpy as np
 
@@ -22,12 +23,13 @@ from m2wr_gmapping.io.atomic_files import Part, remove_stale, write_atomically
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import Uint8Array
+    from m2wr_gmapping.array_types import Int8Array, Uint8Array
 
 log = logging.getLogger(__name__)
 DIGITS = 12             # of the digest in a name
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
+BAND = 256              # rows of the picture in one part
 
 
 class MapFileError(OSError):
@@ -51,10 +53,11 @@ def picture(data: ArrayLike, free: int = 25, occupied: int = 65) -> Uint8Array:
     return shades[np.ascontiguousarray(data, np.int8).view(np.uint8)[::-1]]
 
 
-def pgm(data: ArrayLike, resolution: float, free: int = 25, occupied: int = 65) -> List[Part]:
-    """Return a map's picture as parts of a file: bytes-like objects.
+@dataclass(frozen=True)
+class PgmFile:
+    """The content of a map's picture, in parts that are made anew each time: a second map would need as much memory.
 
-    Parameters
+    Attributes
     ----------
     data : (H, W) int8
         As for :func:`picture`.
@@ -63,9 +66,18 @@ def pgm(data: ArrayLike, resolution: float, free: int = 25, occupied: int = 65) 
     free, occupied : int
         As for :func:`picture`.
     """
-    grey = picture(data, free, occupied)
-    head = "P5\n# CREATOR: map_saver.cpp {:.3f} m/pix\n{} {}\n255\n".format(resolution, grey.shape[1], grey.shape[0])
-    return [head.encode(), np.ascontiguousarray(grey).data]
+
+    data: Int8Array
+    resolution: float
+    free: int
+    occupied: int
+
+    def __iter__(self) -> Iterator[Part]:
+        """Yield the header and the grey values, top row first."""
+        rows, columns = self.data.shape
+        yield "P5\n# CREATOR: map_saver.cpp {:.3f} m/pix\n{} {}\n255\n".format(self.resolution, columns, rows).encode()
+        for end in range(rows, 0, -BAND):
+            yield np.ascontiguousarray(picture(self.data[max(0, end - BAND):end], self.free, self.occupied)).data
 
 
 def description(image: str, resolution: float, origin: Sequence[float], free_thresh: float = 0.196,
@@ -126,7 +138,7 @@ def save(name: str, data: ArrayLike, resolution: float, origin: Sequence[float],
         raise ValueError("the map's resolution is {}; expected more than 0".format(resolution))
     if not os.path.basename(name):
         raise ValueError("the map's name is {!r}; expected one of a file, without ending".format(name))
-    parts = pgm(data, resolution, free, occupied)
+    parts = PgmFile(data, resolution, free, occupied)
     spare = "{}-{}.pgm".format(name, _digest(parts))
 
     def described(image: str) -> List[Part]:
