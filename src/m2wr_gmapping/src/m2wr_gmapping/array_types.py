@@ -20,5 +20,6 @@ if TYPE_CHECKING:
     Uint32Array = NDArray[np.uint32]
     Uint16Array = NDArray[np.uint16]
     Uint8Array = NDArray[np.uint8]
+    CountArray = Union[Uint16Array, Uint32Array]
     BoolArray = NDArray[np.bool_]
     Vector = Union[Sequence[float], FloatArray]      # a few numbers that are read one by one

@@ -400,19 +400,26 @@ class Mapper:
         """Entropy of the normalised weights, between 0 and ln(particles)."""
         return resampling.entropy(self.particles.weights)
 
-    def occupancy(self, exact: bool = True) -> Grid:
+    def occupancy(self, exact: bool = True, old: Optional[Grid] = None) -> Grid:
         """Return the map (Grid) of the best particle's path.
 
-        Without ``exact``, scans that moved by less than the error of a step are not traced again. To make a map on
-        another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
+        To make a map on another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
+
+        Parameters
+        ----------
+        exact : bool
+            Whether scans that moved by less than the error of a step are traced again.
+        old : Grid, optional
+            A map that is no longer needed: its memory is used again if its size is right.
         """
-        return self.map_of(*self.map_request(), exact=exact)
+        return self.map_of(*self.map_request(), exact=exact, old=old)
 
     def map_request(self) -> Tuple[FloatArray, List[ScanReading]]:
         """Return the input of ``map_of``: the best path (K, 3) and its readings."""
         return self.particles.tree.path(self.particles.best), list(self.readings)
 
-    def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False) -> Grid:
+    def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False,
+               old: Optional[Grid] = None) -> Grid:
         """Return the map (Grid) of a path.
 
         Only one thread may call this, and with paths in the order of ``map_request``.
@@ -422,11 +429,11 @@ class Mapper:
         path : (K, 3) float64
             Poses of the best particle [m, m, rad].
         readings : sequence of K ScanReading
-        exact : bool
+        exact, old
             See ``occupancy``.
         """
         self._occupancy.update(path, readings, exact)
-        return self._occupancy.grid()
+        return self._occupancy.grid(old)
 
     def base_poses(self, poses: ArrayLike) -> FloatArray:
         """Return poses (..., 3) of the base from those of the centred laser."""

@@ -173,6 +173,21 @@ def test_counts_are_removed_exactly_after_growth():
     assert (grid.data >= 0).sum() == (fresh.data >= 0).sum()
 
 
+def test_counts_may_exceed_two_bytes():
+    made = Occupancy((-1.0, -1.0, 2.0, 1.0), 0.1, 0.25)
+    wall, beyond = (Reading(np.vstack([np.full(5000, x), np.zeros(5000)])) for x in (1.0, 1.5))
+    readings = [wall] * 6 + [beyond] * 14
+    made.update(np.zeros((14, 3)), readings[:14])
+    assert made.compact()["visits"].max() == 70000
+    for count in (17, 20):
+        made.update(np.zeros((count, 3)), readings[:count])
+        found = made.grid()
+        column, row = np.rint((np.array([1.0, 0.0]) - found.origin) / 0.1).astype(int)
+        assert found.data[row, column:column + 6].tolist() == [100, 0, 0, 0, 0, 100]
+    made.update(np.vstack([np.ones((9, 3)), np.zeros((11, 3))]), readings, exact=True)
+    assert made.compact()["visits"].max() == 55000
+
+
 def test_memory_depends_on_the_observed_area():
     made = Occupancy((-200.0, -200.0, 200.0, 200.0), 0.05, 0.25)
     made.update(np.array([[-190.0, -190.0, 0.0], [190.0, 190.0, 0.0]]), [Reading([[1.0], [0.0]])] * 2)

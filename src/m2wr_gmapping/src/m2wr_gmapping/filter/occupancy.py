@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -67,9 +67,9 @@ class Occupancy:
         self._anchor = np.array([xmin, ymin], float)
         self._shift = np.zeros(2, np.int64)             # its column and row
         self._table = np.full((rows, columns), -1, np.int32)
-        self._used = np.zeros(1, np.int64)
+        self._used = np.zeros(2, np.int64)              # blocks, greatest number of visits
         self._blocks: Dict[str, NDArray[Any]] = dict(
-            hits=np.empty((FIRST_BLOCKS, CELLS), np.int32), visits=np.empty((FIRST_BLOCKS, CELLS), np.int32),
+            hits=np.empty((FIRST_BLOCKS, CELLS), np.uint16), visits=np.empty((FIRST_BLOCKS, CELLS), np.uint16),
             values=np.empty((FIRST_BLOCKS, CELLS), np.int8), changed=np.zeros(FIRST_BLOCKS, bool))
         self._poses = np.zeros((0, 3))  # poses at which the scans were counted
         self.beyond = False             # whether a scan did not fit
@@ -78,7 +78,7 @@ class Occupancy:
 
     def _empty(self) -> None:
         """Clear all counts; the extent stays."""
-        self._table[:], self._used[0] = -1, 0
+        self._table[:], self._used[:] = -1, 0
         self._blocks["changed"][:] = False
 
     def _more_blocks(self, least: int = 1) -> None:
@@ -86,6 +86,11 @@ class Occupancy:
         new = old + max(old // 4, FIRST_BLOCKS, least)
         for array in self._blocks.values():
             array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
+
+    def use_large_counts(self) -> None:
+        """Use counts of four bytes instead of two; few maps need them. Each beam adds one to its first cell."""
+        for name in ("hits", "visits"):
+            self._blocks[name] = self._blocks[name].astype(np.uint32)
 
     def update(self, path: ArrayLike, readings: Sequence[ScanReading], exact: bool = False) -> None:
         """Update the counts to a path and its readings.
@@ -123,12 +128,16 @@ class Occupancy:
         self.traced += 1
         blocks, done = self._blocks, 0
         while True:
+            limit = int(np.iinfo(blocks["visits"].dtype).max)
             done = add_scan(pose, reading.rays, reading.ray_hits, done, self._anchor, 1.0 / self._resolution,
-                            self._shift, sign, self._table, blocks["hits"], blocks["visits"], blocks["values"],
+                            self._shift, sign, limit, self._table, blocks["hits"], blocks["visits"], blocks["values"],
                             blocks["changed"], self._used)
+            if self._used[1] >= limit:
+                self.use_large_counts()
+            elif done < reading.rays.shape[1]:
+                self._more_blocks()
             if done >= reading.rays.shape[1]:
                 return
-            self._more_blocks()
 
     def _cover(self, pose: FloatArray, reading: ScanReading) -> None:
         """Grow the grid so that a scan fits, in the same steps as gmapping."""
@@ -162,9 +171,16 @@ class Occupancy:
         with np.errstate(over="ignore"):
             return bool((spans / self._resolution + PATCH).prod() <= self._most_cells)
 
-    def grid(self) -> Grid:
-        """Return the map of all counts."""
-        data = np.full(self.bounds, UNKNOWN, np.int8)
+    def grid(self, old: Optional[Grid] = None) -> Grid:
+        """Return the map of all counts.
+
+        Parameters
+        ----------
+        old : Grid, optional
+            A map that is no longer needed: its memory is used again if its size is right.
+        """
+        data = np.empty(self.bounds, np.int8) if old is None or old.data.shape != self.bounds else old.data
+        data.fill(UNKNOWN)
         blocks = self._blocks
         read_out(self._threshold, self._table, blocks["hits"], blocks["visits"], blocks["values"], blocks["changed"],
                  self._used, data)
@@ -184,8 +200,10 @@ class Occupancy:
     def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored, with the blocks in use only."""
         count = int(self._used[0])
-        return dict({name: array[:count] for name, array in self._blocks.items()}, _anchor=self._anchor,
-                    _shift=self._shift, _table=self._table, _poses=self._poses, beyond=self.beyond, traced=self.traced)
+        blocks = {name: array[:count] for name, array in self._blocks.items()}
+        blocks.update(hits=blocks["hits"].astype(np.int32), visits=blocks["visits"].astype(np.int32))
+        return dict(blocks, _anchor=self._anchor, _shift=self._shift, _table=self._table, _poses=self._poses,
+                    beyond=self.beyond, traced=self.traced)
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the grid is too large."""
@@ -193,6 +211,8 @@ class Occupancy:
         if stored["_table"].size * CELLS > max(self._most_cells, self._table.size * CELLS) or not stored["_table"].size:
             raise ValueError("a grid of {} x {} patches; expected some, with at most {} cells".format(
                 *stored["_table"].shape, self._most_cells))
-        self._blocks = {name: stored.pop(name) for name in self._blocks}        # own their memory: resizable
-        self._used = np.array([len(self._blocks["changed"])])
+        self._blocks = blocks = {name: stored.pop(name) for name in self._blocks}   # own their memory: resizable
+        self._used = np.array([len(blocks["changed"]), blocks["visits"].max(initial=0)])
+        fitting = np.uint16 if self._used[1] < np.iinfo(np.uint16).max else np.uint32
+        blocks.update(hits=blocks["hits"].astype(fitting), visits=blocks["visits"].astype(fitting))
         self.__dict__.update(stored)

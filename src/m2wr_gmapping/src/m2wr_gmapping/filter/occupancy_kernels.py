@@ -5,14 +5,14 @@ Array layouts
 -------------
 ``table`` (H, W) int32
     Block of counts at each place of 32 x 32 cells, -1 if there are no counts yet.
-``hits``, ``visits`` (B, 1024) int32
+``hits``, ``visits`` (B, 1024) uint16 or uint32
     Counts of the cells of each block, row by row.
 ``values`` (B, 1024) int8
     Occupancy of the cells at the last call of ``read_out``.
 ``changed`` (B,) bool
     Blocks whose counts have changed since then.
-``used`` (1,) int64
-    Number of blocks in use; the blocks behind them are spare.
+``used`` (2,) int64
+    Number of blocks in use, the blocks behind them are spare; greatest number of visits so far.
 """
 from __future__ import annotations
 
@@ -22,14 +22,22 @@ from typing import TYPE_CHECKING
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray, Int8Array, Int32Array
+    from m2wr_gmapping.array_types import (
+        BoolArray,
+        CountArray,
+        Float32Array,
+        FloatArray,
+        IndexArray,
+        Int8Array,
+        Int32Array,
+    )
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 SHIFT, MASK, SIDE, CELLS = 5, 31, 32, 1024
 
 
 @kernel
-def _block_at(ty: int, tx: int, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
+def _block_at(ty: int, tx: int, table: Int32Array, hits: CountArray, visits: CountArray, values: Int8Array,
               used: IndexArray) -> int:
     """Return the block at a place; an empty spare block if there was none."""
     block = table[ty, tx]
@@ -45,13 +53,14 @@ def _block_at(ty: int, tx: int, table: Int32Array, hits: Int32Array, visits: Int
 
 
 @kernel
-def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array, hits: Int32Array,
-           visits: Int32Array, values: Int8Array, changed: BoolArray, used: IndexArray) -> None:
+def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array, hits: CountArray,
+           visits: CountArray, values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
     """Add ``sign`` to the visits of all cells on the line from (x0, y0) to (x1, y1) except the last one.
 
     The line is an integer line, drawn from the end with the smaller x, or the smaller y if it is steep. With ``hit``
-    the last cell gets a visit and a hit.
+    the last cell gets a visit and a hit. Returns the greatest number of visits of these cells.
     """
+    greatest = 0
     dx, dy = abs(x1 - x0), abs(y1 - y0)
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     steep = dy > dx
@@ -78,6 +87,7 @@ def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int3
                     changed[block] = True
                 cell = ((y & MASK) << SHIFT) | (x & MASK)
                 visits[block, cell] += sign
+                greatest = max(greatest, visits[block, cell])
                 if a == last_a:
                     hits[block, cell] += sign
         if d > 0:
@@ -85,12 +95,13 @@ def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int3
             d += 2 * (db - da)
         else:
             d += 2 * db
+    return greatest
 
 
 @kernel
 def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: int, anchor: FloatArray,
-             per_metre: float, shift: IndexArray, sign: int, table: Int32Array, hits: Int32Array, visits: Int32Array,
-             values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
+             per_metre: float, shift: IndexArray, sign: int, limit: int, table: Int32Array, hits: CountArray,
+             visits: CountArray, values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
     """Add or remove a scan, starting with beam ``first``.
 
     Parameters
@@ -111,23 +122,25 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
         Column and row of that cell; cells outside the table are left out.
     sign : int
         1 adds, -1 removes.
+    limit : int
+        Greatest count that fits into the arrays.
     table : (H, W) int32
         Block at each place of 32 x 32 cells, -1 for none.
-    hits : (B, 1024) int32
+    hits : (B, 1024) uint16 or uint32
         Counts of the cells of each block.
-    visits : (B, 1024) int32
+    visits : (B, 1024) uint16 or uint32
         Counts of the cells of each block.
     values : (B, 1024) int8
         Occupancy of the cells.
     changed : (B,) bool
         Blocks with changed counts.
-    used : (1,) int64
-        Number of blocks in use.
+    used : (2,) int64
+        Number of blocks in use, greatest number of visits.
 
     Returns
     -------
     int
-        Number of beams done; less than S if the spare blocks may not be sufficient for the next beam.
+        Number of beams done; less than S if the spare blocks or the limit may not be sufficient for the next beam.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x0 = int(math.floor((pose[0] - anchor[0]) * per_metre + 0.5)) + shift[0]
@@ -141,12 +154,15 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
         most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3
         if used[0] + min(most, table.size - used[0]) > changed.shape[0]:
             return k
-        _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used)
+        most = _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used)
+        used[1] = max(used[1], most)
+        if most >= limit:
+            return k + 1
     return rays.shape[1]
 
 
 @kernel
-def read_out(threshold: float, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
+def read_out(threshold: float, table: Int32Array, hits: CountArray, visits: CountArray, values: Int8Array,
              changed: BoolArray, used: IndexArray, grid: Int8Array) -> None:
     """Update ``values`` from the counts, and write them into a grid.
 
@@ -156,16 +172,16 @@ def read_out(threshold: float, table: Int32Array, hits: Int32Array, visits: Int3
         A cell is occupied if hits / visits is greater.
     table : (H, W) int32
         Block at each place of 32 x 32 cells, -1 for none.
-    hits : (B, 1024) int32
+    hits : (B, 1024) uint16 or uint32
         Counts of the cells of each block.
-    visits : (B, 1024) int32
+    visits : (B, 1024) uint16 or uint32
         Counts of the cells of each block.
     values : (B, 1024) int8
         Occupancy of the cells.
     changed : (B,) bool
         Blocks with changed counts.
-    used : (1,) int64
-        Number of blocks in use.
+    used : (2,) int64
+        As for ``add_scan``.
     grid : (32 H, 32 W) int8
         Written where there are blocks.
     """
@@ -174,7 +190,7 @@ def read_out(threshold: float, table: Int32Array, hits: Int32Array, visits: Int3
             continue
         changed[block] = False
         for cell in range(CELLS):
-            if visits[block, cell] <= 0:
+            if visits[block, cell] == 0:
                 values[block, cell] = UNKNOWN
             elif hits[block, cell] / visits[block, cell] > threshold:
                 values[block, cell] = OCCUPIED

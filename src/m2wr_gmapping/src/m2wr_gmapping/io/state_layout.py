@@ -65,7 +65,7 @@ FILTER = Part({
     "_rng_resample": Generator(), "resamplings": COUNT, "maps": TILES, "tree": TREE},
     ("_least", "_most", "_matcher", "_noise", "_gain", "_resample_below"))
 OCCUPANCY = Part({
-    "hits": Array("int32", "B %d" % BLOCK), "visits": Array("int32", "B %d" % BLOCK),
+    "hits": Array("int32", "B %d" % BLOCK, 0), "visits": Array("int32", "B %d" % BLOCK, 0),
     "values": Array("int8", "B %d" % BLOCK), "changed": Array("bool", "B"),
     "_table": Array("int32", "R C", -1, below="B"),
     "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),

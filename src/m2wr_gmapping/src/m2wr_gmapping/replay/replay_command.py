@@ -251,9 +251,10 @@ class Replay:
         return self.mapper
 
     def _map(self, mapper: Mapper, exact: bool = False) -> None:
-        self.grid = None                # release the old map first: at the default size it has 16 million cells
+        # at the default size a map has 16 million cells; a published one must not change
+        old, self.grid = self.grid if self._node is None else None, None
         with self.map_watch:
-            self.grid = mapper.occupancy(exact)
+            self.grid = mapper.occupancy(exact, old)
         self.map_watch.piece()
         if self._node is not None:
             self._node.show(self.grid, mapper.entropy, self._config["map_frame"].lstrip("/"))
