@@ -15,7 +15,7 @@ from m2wr_gmapping.ros.outputs import MapOutput
 HEAPS = """
 import ctypes
 import threading
-from m2wr_gmapping.ros.heap_memory import use_one_heap
+from m2wr_gmapping.heap_memory import use_one_heap
 
 if {wanted}:
     assert use_one_heap()
@@ -42,7 +42,7 @@ def test_all_threads_share_one_heap():
 LARGE = """
 import os
 import numpy
-from m2wr_gmapping.ros.heap_memory import use_one_heap
+from m2wr_gmapping.heap_memory import use_one_heap
 
 def resident():
     with open("/proc/self/statm") as stream:
@@ -75,7 +75,7 @@ def test_node_limits_the_heap_before_importing_numpy():
     with open(program, encoding="utf-8") as stream:
         text = stream.read()
     assert text.index("\nuse_one_heap()") < text.index("m2wr_gmapping.ros.slam_node")
-    script = "import sys, m2wr_node.interrupts; import m2wr_gmapping.ros.heap_memory; assert 'numpy' not in sys.modules"
+    script = "import sys, m2wr_node.interrupts; import m2wr_gmapping.heap_memory; assert 'numpy' not in sys.modules"
     subprocess.check_call([sys.executable, "-c", script], timeout=120)
 
 

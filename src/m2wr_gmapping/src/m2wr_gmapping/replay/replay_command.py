@@ -15,6 +15,7 @@ import yaml
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
+from m2wr_gmapping.heap_memory import use_one_heap
 from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.io.saved_map_reader import MapReadingError
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("slam_gmapping_replay")
 EXPECTED = {EARLY, THROTTLED, SETTLING}         # reasons for unused scans that are no fault
 PROGRESS_PERIOD = 1.0       # [s]
+LARGEST_IN_HEAP = 2 << 20   # above the rasters of a search, below the arrays of a large map [bytes]
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 LONGEST_BUFFER = 1e9        # about half the limit of a duration of ROS [s]
 
@@ -380,6 +382,7 @@ def run_and_save(replay: Replay, options: argparse.Namespace) -> int:
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
+    use_one_heap(LARGEST_IN_HEAP)
     logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only warnings
     for name in (log.name, "m2wr_gmapping"):
         logging.getLogger(name).setLevel(logging.INFO)

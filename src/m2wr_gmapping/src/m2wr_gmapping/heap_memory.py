@@ -14,11 +14,16 @@ _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8        # of glibc's mallopt
 LARGEST_IN_HEAP = 256 << 10     # above the arrays of scans (20 kB), below those of maps and messages (0.5 to 4 MB)
 
 
-def use_one_heap() -> bool:
+def use_one_heap(largest: int = LARGEST_IN_HEAP) -> bool:
     """Let all threads share one heap without large arrays; call this before numpy starts threads.
 
     Python runs one thread at a time and kernels hardly allocate, so threads do not wait for the heap. A large array is
-    returned to the system when it is freed.
+    returned to the system when it is freed, and it grows without a copy.
+
+    Parameters
+    ----------
+    largest : int
+        Size of the largest arrays in the heap [bytes].
 
     Returns
     -------
@@ -27,6 +32,6 @@ def use_one_heap() -> bool:
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
-        return all([mallopt(_M_ARENA_MAX, 1), mallopt(_M_MMAP_THRESHOLD, LARGEST_IN_HEAP)])
+        return all([mallopt(_M_ARENA_MAX, 1), mallopt(_M_MMAP_THRESHOLD, largest)])
     except (AttributeError, OSError):
         return False
