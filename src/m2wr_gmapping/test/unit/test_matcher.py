@@ -13,6 +13,7 @@ from m2wr_gmapping.frontend.matcher import (
     LARGE_SLIP,
     NO_PRIOR,
     NO_SLIP,
+    SLIP,
     UNEXPLAINED,
     FastMatcher,
     occlusion_cost,
@@ -58,7 +59,7 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
-    row, slip = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT)
+    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
 
 
@@ -78,7 +79,7 @@ def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
 
     def conflict(pose):
         return denied if abs(pose[2] - true) > 0.1 else NO_CONFLICT
-    row, slip = matcher.track(maps, 0, reading, ask, False, 0.0, conflict)
+    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 0.0, conflict)
     assert slip == found
     assert row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
 
@@ -90,7 +91,7 @@ def test_a_scan_that_suddenly_fits_nothing_shows_a_turn(share, rotated, found):
     true, told = -math.radians(rotated), np.zeros(3)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
     ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
-    row, slip = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT)
+    row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT)
     assert slip == found and row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
 
 
@@ -102,8 +103,29 @@ def test_a_scan_of_an_unknown_area_is_no_turn(conflict, found):
     ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(LASER.angles))
     ask = Request(np.array([5.0, 5.0, 0.0]), np.array([5.0, 5.0, 0.0]), np.full(3, 1e-3), np.full(3, 1e3),
                   np.array([0.2, 0.3]))
-    row, slip = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict)
+    row, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict)
     assert slip == found and row[:3] == pytest.approx([5.0, 5.0, 0.0])
+
+
+def test_evidence_of_consecutive_scans_for_a_slip_adds_up():
+    """37 beams are not enough for a slip of 15 degrees; two such scans are, if they agree on it."""
+    matcher, maps, _ = corridor(3.0, 1)
+    true = -math.radians(15.0)
+    few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 36, 37, 0.05, 20.0, max_urange=6.0)
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+
+    def conflict(pose):
+        return Conflict(30, 100, 0, 100) if pose[2] > -0.1 else NO_CONFLICT
+
+    def follow(*headings):
+        rival, found = None, []
+        for heading in headings:
+            reading = seen(0.0, 3.0, few, heading)
+            row, slip, rival = matcher.track(maps, 0, reading, ask, False, 1.0, conflict, rival)
+            found.append((slip, round(float(row[2]), 1)))
+        return found
+    assert follow(true, true) == [(NO_SLIP, 0.0), (SLIP, round(true, 1))]
+    assert follow(true, 0.0, true) == [(NO_SLIP, 0.0)] * 3          # a scan without a slip ends the evidence
 
 
 def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Callable, Optional, Protocol, Tuple
+from typing import TYPE_CHECKING, Callable, NamedTuple, Optional, Protocol, Tuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, NO_CONFLICT, Conflict
-from m2wr_gmapping.se2 import between
+from m2wr_gmapping.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -40,6 +40,30 @@ class Beams(Protocol):
     @property
     def beams(self) -> FloatArray:
         """Matched end points (7, M), in the layout of ``match_kernels``."""
+
+
+class Rival(NamedTuple):
+    """A match after a slip.
+
+    Attributes
+    ----------
+    row : (13,) float64
+        Result row; it begins with the pose in ``map`` [m, m, rad].
+    cost : float
+        Negative log-likelihood of the scan at this pose.
+    evidence : float
+        Logarithm of how much better it explains the consecutive scans so far than the pose without a slip.
+    """
+
+    row: FloatArray
+    cost: float
+    evidence: float
+
+    def moved(self, step: FloatArray) -> Rival:
+        """Return it after a step (3,) of odometry [m, m, rad]."""
+        row = self.row.copy()
+        row[:3] = compose(row[:3], step)
+        return self._replace(row=row)
 
 
 class FastMatcher:
@@ -135,13 +159,15 @@ class FastMatcher:
         return row
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool, share: float,
-              conflict: Callable[[FloatArray], Conflict]) -> Tuple[FloatArray, int]:
+              conflict: Callable[[FloatArray], Conflict],
+              rival: Optional[Rival] = None) -> Tuple[FloatArray, int, Optional[Rival]]:
         """Match in the map of one particle, and detect slip of odometry.
 
         The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
         match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip. How
         well a pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few
-        beams could not outweigh that improbability by its match alone.
+        beams could not outweigh that improbability by its match alone. The evidence of consecutive doubtful scans adds
+        up, as in a sequential test (Wald 1945): a slip is improbable once, not for each scan after it.
 
         A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
         nothing although the last one did. The latter may also be an unknown area, so that a slip must fit well.
@@ -162,6 +188,8 @@ class FastMatcher:
             Score per beam that is expected without a slip, from 0 to 1.
         conflict : callable
             Returns for a pose the end points that conflict with older scans; see ``occlusion``.
+        rival : Rival, optional
+            That of the scan before, moved by odometry.
 
         Returns
         -------
@@ -170,6 +198,8 @@ class FastMatcher:
         slip : int
             NO_SLIP, SLIP, LARGE_SLIP for a rotation far from odometry, or UNEXPLAINED if no slip explains the scan, and
             older scans contradict its match as clearly as a slip is improbable.
+        rival : Rival or None
+            For the next scan.
         """
         expected, variances, inverse = ask.expected, ask.variances, ask.inverse
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
@@ -184,42 +214,58 @@ class FastMatcher:
                 if cost < best:
                     row, best, pull = other, cost, other_pull
         count = reading.beams.shape[1]
-        good = tuning.MATCHING.good_share * count
-
-        def denial(match: FloatArray) -> Conflict:
-            # a match without partners is in an unknown area, or contradicted
-            return conflict(match[:3]) if match[mk.SCORE] < good else NO_CONFLICT
-
-        denied, is_lost = denial(row), row[mk.SCORE] < tuning.SLIPS.lost * share * count
+        good, denied = tuning.MATCHING.good_share * count, _denial(conflict, row, count)
         doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
+        is_lost = row[mk.SCORE] < tuning.SLIPS.lost * share * count
         if not (doubtful or is_lost):
-            return row, NO_SLIP
+            return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
-        best += contradiction
-        slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
-        deviations = window / tuning.DRIFT.deviations
-        plain, wide = row[:3], np.square(deviations)[[0, 0, 1]]
-        # a continuous slip has already moved the start pose
-        continues = np.abs(between(expected, start)).max() > tuning.SLIPS.left[0]
-        for centre in (expected, start) if continues else (expected,):
-            for begin in (plain, self.search(maps, particle, reading, centre, window, deviations)):
-                other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
-                cost = tk.cost_of(other, centre, wide)[0] + tuning.SLIPS.cost
-                if cost < best and (doubtful or other[mk.SCORE] >= good):
-                    cost += occlusion_cost(denial(other).mutual, count)
-                    if cost < best:
-                        row, best, slip = other, cost, SLIP
+        best, slip = best + contradiction, NO_SLIP
+        rival = self._slipped(maps, particle, reading, ask, row, best, 0.0 if doubtful else good, conflict, rival)
+        if rival is not None and rival.evidence > tuning.SLIPS.cost:
+            row, best, slip, rival = rival.row, rival.cost + tuning.SLIPS.cost, SLIP, None
         if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
             # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
-            directions = 1.0 if is_lost else math.pi / window[1]
+            directions = 1.0 if is_lost else math.pi / np.minimum(WINDOW_MOST, ask.window)[1]
             least_cost = best - tuning.SLIPS.cost - math.log(directions)
-            turned = self._turned(maps, particle, reading, expected, conflict, least_cost,
+            turned = self._turned(maps, particle, reading, ask.expected, conflict, least_cost,
                                   max(MOST_CONFLICT, 0.5 * denied.share))
             if turned is not None:
-                return turned, LARGE_SLIP
+                return turned, LARGE_SLIP, None
             if not slip and contradiction > tuning.SLIPS.cost:
                 slip = UNEXPLAINED
-        return row, slip
+        return row, slip, rival
+
+    def _slipped(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, row: FloatArray,
+                 unaided: float, least_score: float, conflict: Callable[[FloatArray], Conflict],
+                 before: Optional[Rival]) -> Optional[Rival]:
+        """Return the slip with the most evidence, or None if none explains the scan better than ``unaided``.
+
+        Windows around the pose by odometry, a slip that continues, and the rival of the scan before are searched. A
+        result within the window of the latter has its evidence, too.
+        """
+        count, window = reading.beams.shape[1], np.minimum(WINDOW_MOST, ask.window)
+        deviations = window / tuning.DRIFT.deviations
+        variances = np.square(deviations)[[0, 0, 1]]
+        found: Optional[Rival] = None
+        centres = [ask.expected]
+        if np.abs(between(ask.expected, ask.start)).max() > tuning.SLIPS.left[0]:
+            centres.append(ask.start)       # a continuous slip has already moved it
+        if before is not None:
+            centres.append(before.row[:3])
+        for centre in centres:
+            for begin in (row[:3], self.search(maps, particle, reading, centre, window, deviations)):
+                other = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
+                cost = tk.cost_of(other, centre, variances)[0]
+                if cost >= unaided or other[mk.SCORE] < least_score:
+                    continue
+                cost += occlusion_cost(_denial(conflict, other, count).mutual, count)
+                evidence = max(0.0, unaided - cost)
+                if before is not None and (np.abs(between(before.row[:3], other[:3])) <= window[[0, 0, 1]]).all():
+                    evidence += before.evidence
+                if evidence > (0.0 if found is None else found.evidence):
+                    found = Rival(other, cost, evidence)
+        return found
 
     def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
                 conflict: Callable[[FloatArray], Conflict], least_cost: float,
@@ -292,6 +338,11 @@ class FastMatcher:
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)
         return best[:3]
+
+
+def _denial(conflict: Callable[[FloatArray], Conflict], match: FloatArray, count: int) -> Conflict:
+    """Return how older scans contradict a match; one with too few partners is in an unknown area, or contradicted."""
+    return conflict(match[:3]) if match[mk.SCORE] < tuning.MATCHING.good_share * count else NO_CONFLICT
 
 
 def occlusion_cost(share: float, count: int) -> float:

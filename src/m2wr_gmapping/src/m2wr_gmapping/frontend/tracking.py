@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Callable, Tuple
+from typing import TYPE_CHECKING, Callable, Optional, Tuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
-    from m2wr_gmapping.frontend.matcher import FastMatcher
+    from m2wr_gmapping.frontend.matcher import FastMatcher, Rival
     from m2wr_gmapping.frontend.occlusion import Conflict
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Calibration, Noise, Track
@@ -63,6 +63,7 @@ class Tracker:
         self._ask = np.zeros(REQUEST_SIZE)
         self.has_turned = self.is_unexplained = False
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
+        self._rival: Optional[Rival] = None
 
     @property
     def track(self) -> Track:
@@ -169,8 +170,9 @@ class Tracker:
             track.since_match[:] = 0.0
             return False
         share = self._expected_share(track.since_match)
+        rival = None if self._rival is None else self._rival.moved(track.since_match)
         long = tk.expect(self._track, self._noise, anchor, self._ask)
-        row, slip = self._matcher.track(maps, particle, reading, ask, long, share, conflict)
+        row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, rival)
         self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
         self.has_turned |= slip == LARGE_SLIP
         self.is_unexplained = slip == UNEXPLAINED
