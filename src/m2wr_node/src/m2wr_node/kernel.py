@@ -8,6 +8,7 @@ Python or of the processor, and for arguments of other types than those in the l
 """
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.machinery
 import importlib.util
@@ -21,6 +22,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 OPTIONS: Dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+FORMAT = 1                              # of libraries and their descriptions
 SWITCH = "M2WR_KERNEL_LIBRARY"          # environment variable; 0: libraries are not used
 _CPU_INFO = "/proc/cpuinfo"
 SCALARS: Dict[str, Tuple[type, ...]] = {
@@ -37,30 +39,43 @@ class Variant(NamedTuple):
     ----------
     arguments : int
         Number of arguments.
-    arrays : list of (int, numpy.dtype, int)
-        Index, type and number of dimensions of each argument that is a contiguous, writable array.
+    arrays : list of (int, numpy.dtype, int, str)
+        Index, type, number of dimensions and order (C or F) of each argument that is a contiguous, writable array.
     scalars : list of (int, tuple of type)
-        Index and accepted types of each other argument.
+        Index and accepted types of each number.
+    tuples : list of (int, list of tuple of type)
+        Index and accepted types of each tuple of numbers.
     run : callable
         The compiled function.  It does not check the types itself.
     """
 
     arguments: int
-    arrays: List[Tuple[int, Any, int]]
+    arrays: List[Tuple[int, Any, int, str]]
     scalars: List[Tuple[int, Tuple[type, ...]]]
+    tuples: List[Tuple[int, List[Tuple[type, ...]]]]
     run: Callable[..., Any]
 
     def accepts(self, arguments: Tuple[Any, ...]) -> bool:
         """Return whether the types of the arguments are those of this variant."""
         if len(arguments) != self.arguments:
             return False
-        for index, dtype, dimensions in self.arrays:
+        for index, dtype, dimensions, order in self.arrays:
             array = arguments[index]
-            if type(array) is not np.ndarray or array.ndim != dimensions or not array.flags.carray:
+            if type(array) is not np.ndarray or array.ndim != dimensions:
+                return False
+            if not array.flags.carray if order == "C" else (array.flags.carray or not array.flags.farray):
                 return False
             if array.dtype is not dtype and array.dtype != dtype:
                 return False
-        return all(type(arguments[index]) in types for index, types in self.scalars)
+        for index, types in self.scalars:
+            if type(arguments[index]) not in types:
+                return False
+        for index, parts in self.tuples:
+            found = arguments[index]
+            if type(found) is not tuple or len(found) != len(parts) or any(
+                    type(part) not in types for part, types in zip(found, parts)):
+                return False
+        return True
 
 
 class Kernel:
@@ -71,11 +86,13 @@ class Kernel:
     function : function
         The Python function.
     variants : list of Variant
-        None for a kernel that only other kernels call.
+        Empty for a kernel that only other kernels call.
+    options : dict
+        For numba.
     """
 
-    def __init__(self, function: Callable[..., Any], variants: List[Variant]) -> None:
-        self.py_func = function
+    def __init__(self, function: Callable[..., Any], variants: List[Variant], options: Dict[str, Any]) -> None:
+        self.py_func, self._options = function, options
         self._variants = variants
         self._compiled: Any = None
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
@@ -88,13 +105,18 @@ class Kernel:
         return self.dispatcher(*arguments)
 
     @property
+    def signatures(self) -> List[Any]:
+        """Combinations of types for which it is compiled, in the library or by numba; for tests that count them."""
+        return [*self._variants, *(() if self._compiled is None else self._compiled.signatures)]
+
+    @property
     def dispatcher(self) -> Any:
         """The same kernel, compiled by numba at run time."""
         if self._compiled is None:
             logger.debug("%s.%s: numba compiles it at run time", self.__module__, self.__name__)
             while before_numba:
                 before_numba.pop()()
-            self._compiled = _jit(self.py_func)
+            self._compiled = _jit(self.py_func, self._options)
         return self._compiled
 
     @property
@@ -111,16 +133,29 @@ def kernel(function: Callable[..., Any]) -> Any:
     Kernel or numba dispatcher
         Both are callable and have the Python function as ``py_func``.
     """
-    package = function.__module__.partition(".")[0]
-    library = loaded(package, package_folder(function))
+    return _made(function, OPTIONS)
+
+
+def fast_kernel(function: Callable[..., Any]) -> Any:
+    """Decorator: like :func:`kernel`, but sums may be added up in another order, many terms at a time.
+
+    Returns
+    -------
+    Kernel or numba dispatcher
+    """
+    return _made(function, dict(OPTIONS, fastmath=True))
+
+
+def _made(function: Callable[..., Any], options: Dict[str, Any]) -> Any:
+    library = loaded(function.__module__.partition(".")[0], package_folder(function))
     if library is None:
-        return _jit(function)
-    return Kernel(function, library.get(name_in_package(function), []))
+        return _jit(function, options)
+    return Kernel(function, library.get(name_in_package(function), []), options)
 
 
-def _jit(function: Callable[..., Any]) -> Any:
+def _jit(function: Callable[..., Any], options: Dict[str, Any]) -> Any:
     from numba import njit
-    return njit(**OPTIONS)(function)
+    return njit(**options)(function)
 
 
 def name_in_package(function: Callable[..., Any]) -> str:
@@ -185,9 +220,10 @@ def module_name(package: str) -> str:
     return package + "_compiled"
 
 
+@functools.lru_cache(maxsize=None)
 def checksum(folder: str) -> str:
-    """Return a checksum of all that a library depends on: sources of its package, Python, NumPy and processor."""
-    digest = hashlib.sha1(repr((sys.version, np.__version__, _processor())).encode())
+    """Return a checksum of what a library depends on: the sources of a package, Python, NumPy and the processor."""
+    digest = hashlib.sha1(repr((FORMAT, sys.version, np.__version__, _processor())).encode())
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(files):
@@ -213,7 +249,8 @@ def _load(package: str, folder: str) -> Optional[Dict[str, List[Variant]]]:
     try:
         with open(description) as stream:
             about = json.load(stream)
-        if about["checksum"] != checksum(folder):
+        if any(checksum(os.path.normpath(os.path.join(folder, source))) != expected
+               for source, expected in about["sources"].items()):
             return None
         spec = importlib.util.spec_from_file_location(module_name(package), library)
         if spec is None or spec.loader is None:
@@ -224,13 +261,19 @@ def _load(package: str, folder: str) -> Optional[Dict[str, List[Variant]]]:
                 for name, found in about["kernels"].items()}
     except FileNotFoundError:
         return None
-    except (OSError, ImportError, AttributeError, KeyError, TypeError, ValueError) as error:
+    except (OSError, ImportError, AttributeError, LookupError, TypeError, ValueError) as error:
         logger.warning("the compiled kernels %s cannot be loaded (%s); numba compiles them at run time", library, error)
         return None
 
 
 def _variant(types: List[Any], run: Callable[..., Any]) -> Variant:
-    """Return the variant for types as :func:`type_of` of the library describes them."""
-    arrays = [(k, np.dtype(found[0]), int(found[1])) for k, found in enumerate(types) if not isinstance(found, str)]
-    scalars = [(k, SCALARS[found]) for k, found in enumerate(types) if isinstance(found, str)]
-    return Variant(len(types), arrays, scalars, run)
+    """Return the variant for types as :func:`m2wr_node.kernel_library.type_of` describes them."""
+    variant = Variant(len(types), [], [], [], run)
+    for index, found in enumerate(types):
+        if isinstance(found, str):
+            variant.scalars.append((index, SCALARS[found]))
+        elif found[0] == "tuple":
+            variant.tuples.append((index, [SCALARS[part] for part in found[1:]]))
+        else:
+            variant.arrays.append((index, np.dtype(found[0]), int(found[1]), str(found[2])))
+    return variant

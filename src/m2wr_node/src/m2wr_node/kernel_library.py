@@ -14,14 +14,29 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 from m2wr_node import kernel
-from m2wr_node.kernel_progress import kernels
+from m2wr_node.kernel_progress import KernelProgress, kernels
 
 
 class NoLibraryError(Exception):
     """A library cannot be made; the message says why."""
+
+
+def prepare(package: str, compile_kernels: Callable[[], None]) -> None:
+    """Compile the kernels of a package into numba's cache, then into a library; print the progress.
+
+    Parameters
+    ----------
+    package : str
+        Name of the Python package.
+    compile_kernels : callable
+        The function of that name in the package's module ``kernel_warm_up``.
+    """
+    with KernelProgress(package):
+        compile_kernels()
+    print("   " + update(package, package + ".kernel_warm_up"))
 
 
 def update(package: str, warm_up: str) -> str:
@@ -46,7 +61,7 @@ def update(package: str, warm_up: str) -> str:
         return "%s: no library of kernels, by the environment" % package
     folder = _source_folder(package)
     library, description = kernel.paths(package, folder)
-    if os.path.exists(library) and _checksum_in(description) == kernel.checksum(folder):
+    if os.path.exists(library) and _sources_in(description) == _sources(package):
         return "%s: the library of kernels is up to date" % package
     environment = dict(os.environ)
     environment[kernel.SWITCH] = "0"
@@ -63,10 +78,22 @@ def _source_folder(package: str) -> str:
     return kernel.package_folder(next(iter(kernels(package).values())).py_func)
 
 
-def _checksum_in(description: str) -> Optional[str]:
+def _sources(package: str) -> Dict[str, str]:
+    """Return checksums of a package and of those whose kernels it calls, by folders relative to that of the package."""
+    own = _source_folder(package)
+    folders = {own}
+    for found in kernels(package).values():
+        for used in found.py_func.__globals__.values():
+            function = getattr(used, "py_func", None)
+            if function is not None:
+                folders.add(kernel.package_folder(function))
+    return {os.path.relpath(folder, own): kernel.checksum(folder) for folder in sorted(folders)}
+
+
+def _sources_in(description: str) -> Optional[Dict[str, str]]:
     try:
         with open(description) as stream:
-            return str(json.load(stream)["checksum"])
+            return dict(json.load(stream)["sources"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -99,7 +126,7 @@ def compile_library(package: str, warm_up: str) -> int:
     temporary = tempfile.mkdtemp(prefix=".kernels-", dir=os.path.dirname(library))
     try:
         about = _compile(package, wanted, temporary)
-        about["checksum"] = kernel.checksum(folder)
+        about["sources"] = _sources(package)
         os.chmod(os.path.join(temporary, os.path.basename(library)), 0o644)
         with open(os.path.join(temporary, "about.json"), "w") as stream:
             json.dump(about, stream)
@@ -114,13 +141,18 @@ def compile_library(package: str, warm_up: str) -> int:
 
 def _compile(package: str, wanted: Dict[str, List[Any]], folder: str) -> Dict[str, Any]:
     """Compile a library in a folder; return its description."""
-    compiler = _compiler(package, folder)
     described: Dict[str, List[Tuple[str, List[Any]]]] = {}
-    functions = {name: found.py_func for name, found in kernels(package).items()}
+    functions, fast, left_out = {}, set(), set()
+    for name, found in kernels(package).items():
+        functions[name] = found.py_func
+        if found.targetoptions.get("fastmath"):
+            fast.add(found.py_func)
+    compiler = _compiler(package, folder, fast)
     for name, signatures in wanted.items():
         for signature in signatures:
             types = [type_of(argument) for argument in signature.args]
             if None in types:
+                left_out.add(name)
                 continue
             symbol = "kernel_%d" % sum(map(len, described.values()))
             compiler.export(symbol, signature)(functions[name])
@@ -129,14 +161,18 @@ def _compile(package: str, wanted: Dict[str, List[Any]], folder: str) -> Dict[st
         compiler.compile()
     except Exception as error:                  # of distutils, of the linker or of numba, by version
         raise NoLibraryError("%s: %s" % (type(error).__name__, error)) from error
-    return {"kernels": described}
+    return {"kernels": described, "left_out": sorted(left_out - set(described))}
 
 
-def _compiler(package: str, folder: str) -> Any:
-    """Return numba's ahead-of-time compiler, which uses the same options as the one at run time."""
+def _compiler(package: str, folder: str, fast: Set[Callable[..., Any]]) -> Any:
+    """Return numba's ahead-of-time compiler, which uses the same options as the one at run time.
+
+    ``fast`` are the functions whose sums may be reordered.
+    """
     try:
         from numba.core.codegen import AOTCPUCodegen
-        from numba.core.compiler import Flags
+        from numba.core.compiler import Flags, compile_extra
+        from numba.core.cpu_options import FastMathOptions
         from numba.pycc import CC, compiler
     except ImportError as error:
         raise NoLibraryError("this numba has no ahead-of-time compiler (%s)" % error) from error
@@ -148,9 +184,16 @@ def _compiler(package: str, folder: str) -> Any:
         found.error_model = kernel.OPTIONS["error_model"]
         return found
 
-    # numba offers no parameters for these two.  For a processor that LLVM does not know, the name "host" alone would
+    def compiled(typing: Any, target: Any, function: Any, arguments: Any, result: Any, flags: Any, **more: Any) -> Any:
+        """Compile one function."""
+        if function in fast:
+            flags = flags.copy()
+            flags.fastmath = FastMathOptions(True)
+        return compile_extra(typing, target, function, arguments, result, flags, **more)
+
+    # numba offers no parameters for these.  For a processor that LLVM does not know, the name "host" alone would
     # give code for the oldest one.
-    compiler.Flags = flags
+    compiler.Flags, compiler.compile_extra = flags, compiled
     AOTCPUCodegen._customize_tm_features = AOTCPUCodegen._get_host_cpu_features
     made = CC(kernel.module_name(package), source_module=sys.modules[__name__])
     made.output_dir, made.target_cpu = folder, "host"
@@ -158,14 +201,17 @@ def _compiler(package: str, folder: str) -> Any:
 
 
 def type_of(argument: Any) -> Any:
-    """Return a description of numba's type of an argument: a scalar's name, [dtype, dimensions] of an array.
+    """Return a description of numba's type of an argument, None if a library does not support it.
 
-    None for other types, such as arrays that are not contiguous.
+    It is a scalar's name, [dtype, dimensions, order] of a contiguous array, or ["tuple", scalar's name, ...].
     """
     from numba import types
     if isinstance(argument, types.Array):
-        plain = argument.layout == "C" and argument.mutable and argument.aligned
-        return [str(argument.dtype), argument.ndim] if plain else None
+        plain = argument.layout in "CF" and argument.mutable and argument.aligned
+        return [str(argument.dtype), argument.ndim, argument.layout] if plain else None
+    if isinstance(argument, (types.UniTuple, types.Tuple)):
+        parts = [type_of(part) for part in argument.types]
+        return ["tuple", *parts] if all(isinstance(part, str) for part in parts) else None
     return str(argument) if str(argument) in kernel.SCALARS else None
 
 

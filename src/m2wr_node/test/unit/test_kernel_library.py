@@ -36,22 +36,28 @@ def zeros(count):
 @kernel
 def quotient(a, b):
     return a / b
+
+
+@kernel
+def corner(grid, start):
+    return grid[0, 0] + 10.0 * grid[1, 0] + start[0]
 '''
 WARM_UP = '''
 import numpy as np
-from robot.some_kernels import add_scaled, quotient, zeros
+from robot.some_kernels import add_scaled, corner, quotient, zeros
 
 
 def compile_kernels():
     add_scaled(np.ones(3), 1.0, np.zeros(3))
     zeros(2)
     quotient(1.0, 2.0)
+    corner(np.ones((2, 3)).T, (1, 2))
 '''
 BEGIN = '''
 import logging, sys
 import numpy as np
 logging.basicConfig(format="%(levelname)s %(message)s")
-from robot.some_kernels import add_scaled, quotient, scaled, zeros
+from robot.some_kernels import add_scaled, corner, quotient, scaled, zeros
 '''
 
 
@@ -85,7 +91,7 @@ def made(tmp_path_factory):
     """A package with its library; it is not to be changed."""
     folder = tmp_path_factory.mktemp("made")
     write_package(folder)
-    assert update(folder) == "robot: a library of 3 kernels compiled"
+    assert update(folder) == "robot: a library of 4 kernels compiled"
     return folder
 
 
@@ -104,6 +110,13 @@ def call(folder, code, **changes):
 def test_a_library_runs_without_numba(made):
     assert call(made, "print(add_scaled(np.arange(3.0), 0.5, np.zeros(3)), zeros(2))") == [
         "(10.5, 3) [0. 0.]", "False"]
+
+
+@pytest.mark.parametrize("grid, start, result, imports", [
+    ("np.arange(6.0).reshape(2, 3).T", "(1, 2)", 11.0, False), ("np.arange(6.0).reshape(3, 2)", "(1, 2)", 21.0, True),
+    ("np.arange(6.0).reshape(2, 3).T", "(1.5, 2)", 11.5, True), ("np.arange(6.0).reshape(2, 3).T", "(1,)", 11.0, True)])
+def test_order_of_arrays_and_tuples_are_checked(made, grid, start, result, imports):
+    assert call(made, "print(corner(%s, %s))" % (grid, start)) == [str(result), str(imports)]
 
 
 def test_division_by_zero_is_that_of_numpy(made):
@@ -143,7 +156,7 @@ def test_a_library_of_other_sources_is_not_used(copy):
     (copy / "robot" / "factor.py").write_text("FACTOR = 5.0\n")
     shutil.rmtree(str(copy / "numba"))
     assert call(copy, "print(add_scaled(np.arange(3.0), 0.5, np.zeros(3)))") == ["(16.5, 3)", "True"]
-    assert update(copy) == "robot: a library of 3 kernels compiled"
+    assert update(copy) == "robot: a library of 4 kernels compiled"
     assert call(copy, "print(add_scaled(np.arange(3.0), 0.5, np.zeros(3)))") == ["(16.5, 3)", "False"]
 
 
