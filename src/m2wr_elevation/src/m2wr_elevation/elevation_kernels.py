@@ -9,9 +9,9 @@ import math
 from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.heap_kernels import pop, push
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +23,7 @@ _GATE = 3.0             # standard deviations within which a point is of the sam
 _FADED = 4              # times in a row that a cell is seen far below its height before it takes the lower one
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fuse(points: Floats, pose: Values, mount: Values, noise: Values, corner: Values, cell: float, height: Values,
          variance: Values, misses: NDArray[np.int64]) -> int:
     """Fuse a cloud of points into the heights of the cells, each by a Kalman filter of one dimension.
@@ -103,7 +103,7 @@ def fuse(points: Floats, pose: Values, mount: Values, noise: Values, corner: Val
     return used
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def gaps(points: Floats, pose: Values, corner: Values, cell: float, height: Values, slope: float, found: Values) -> int:
     """Write how far points are above the ground, and the slope of the ground there, where it is not steep.
 
@@ -145,7 +145,7 @@ def gaps(points: Floats, pose: Values, corner: Values, cell: float, height: Valu
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def shift(old: Values, down: int, right: int, new: Values) -> None:
     """Copy a grid whose corner moved by some cells; cells that were outside stay as ``new`` has them.
 
@@ -161,7 +161,7 @@ def shift(old: Values, down: int, right: int, new: Values) -> None:
             new[row, column] = old[row + down, column + right]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def traverse(height: Values, cell: float, reach: int, least: int, slope: Values, step: Values, rough: Values) -> None:
     """Write slope, step and roughness of each known cell, from the cells in a disc around it.
 
@@ -224,7 +224,7 @@ def traverse(height: Values, cell: float, reach: int, least: int, slope: Values,
             step[row, column], rough[row, column] = highest, math.sqrt(rest / count)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cheapest(cost: Values, goal: Tuple[int, int], reached: Values) -> None:
     """Write the least cost from each cell to a goal, by Dijkstra's algorithm with a binary heap on eight neighbours.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from m2wr_elevation.elevation_map import ElevationMap, MapSettings
 from m2wr_elevation.planning import cost_of, route
-from m2wr_node.kernel_progress import KernelProgress
+from m2wr_node.kernel_library import prepare
 
 
 def compile_kernels() -> None:
@@ -23,5 +23,4 @@ def compile_kernels() -> None:
 
 
 if __name__ == "__main__":
-    with KernelProgress("m2wr_elevation"):
-        compile_kernels()
+    prepare("m2wr_elevation", compile_kernels)

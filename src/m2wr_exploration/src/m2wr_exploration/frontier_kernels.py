@@ -6,15 +6,15 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def frontier_groups(costs: Uint8Array, distance: Float32Array) -> Tuple[Int32Array, int]:
     """Group the unknown cells beside reachable ones.
 
@@ -65,7 +65,7 @@ def frontier_groups(costs: Uint8Array, distance: Float32Array) -> Tuple[Int32Arr
     return groups, count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def nearest_passable(costs: Uint8Array, row: int, column: int, limit: int, reach: int) -> Tuple[int, int]:
     """Return the nearest cell with a cost of at most ``limit``, or (-1, -1).
 
@@ -87,7 +87,7 @@ def nearest_passable(costs: Uint8Array, row: int, column: int, limit: int, reach
     return found_row, found_column
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def visible(costs: Uint8Array, row: int, column: int, reach: float, rays: int, seen: Uint8Array,
             through_unknown: bool) -> int:
     """Mark the cells that a laser at the centre of a cell sees.
@@ -132,7 +132,7 @@ def visible(costs: Uint8Array, row: int, column: int, reach: float, rays: int, s
     return new
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def sight_counts(costs: Uint8Array, cells: IndexArray, reach: float, rays: int) -> Int32Array:
     """Count, for each cell, from how many of some cells it is in sight, through known space without obstacles.
 
@@ -168,7 +168,7 @@ def sight_counts(costs: Uint8Array, cells: IndexArray, reach: float, rays: int) 
     return counts
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def count_unknown(costs: Uint8Array, cells: IndexArray, reach: int) -> int:
     """Return how many unknown cells are in the smallest rectangle around some cells, widened.
 

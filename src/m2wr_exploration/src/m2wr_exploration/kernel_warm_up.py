@@ -13,7 +13,7 @@ from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.right_of_way import allowed
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.parameters import read
-from m2wr_node.kernel_progress import KernelProgress
+from m2wr_node.kernel_library import prepare
 
 
 def compile_kernels() -> None:
@@ -37,5 +37,4 @@ def compile_kernels() -> None:
 
 
 if __name__ == "__main__":
-    with KernelProgress("m2wr_exploration"):
-        compile_kernels()
+    prepare("m2wr_exploration", compile_kernels)

@@ -49,8 +49,9 @@ class Entry:
 
 
 def _unknown(costmap: Costmap, points: FloatArray) -> float:
-    return float(count_unknown(costmap.costs, costmap.cells(points), int(round(AROUND / costmap.resolution)))
-                 ) * costmap.resolution ** 2
+    cells = np.ascontiguousarray(costmap.cells(points))
+    count = count_unknown(costmap.costs, cells, int(round(AROUND / costmap.resolution)))
+    return float(count) * costmap.resolution ** 2
 
 
 def costs_at(costmap: Costmap, points: FloatArray) -> Uint8Array:

@@ -6,18 +6,24 @@ import numpy as np
 
 from m2wr_navigation import registry
 from m2wr_navigation.compare.clearance import Clearances
+from m2wr_navigation.controllers import rollout_kernels
 from m2wr_navigation.controllers.controller import Situation
+from m2wr_navigation.costmap import footprint_kernels, obstacle_kernels
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
-from m2wr_navigation.costmap.footprint_kernels import outline_cost
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
+from m2wr_navigation.fusion import ekf_kernels
+from m2wr_navigation.fusion.ekf import Ekf, Measurement
 from m2wr_navigation.localization.kernel_tour import compile_localization_kernels
+from m2wr_navigation.methods import moving_kernels
 from m2wr_navigation.methods.method import Sensing
+from m2wr_navigation.methods.moving import MovingObstacles
+from m2wr_navigation.methods.scan_points import ScanPoints
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners import potential_search, visibility_kernels
-from m2wr_node.kernel_progress import KernelProgress
+from m2wr_node.kernel_library import prepare
 from m2wr_view.outlines import Outline
 
 
@@ -54,7 +60,7 @@ def compile_costmap_kernels() -> None:
         for rolling in (False, True):
             costmap = small_costmap(rolling, rolling, kind)
             grid = costmap.snapshot()
-            outline_cost(grid.costs, grid.resolution, grid.origin, costmap.footprint, 2.0, 2.0, 0.0)
+            footprint_kernels.outline_cost(grid.costs, grid.resolution, grid.origin, costmap.footprint, 2.0, 2.0, 0.0)
             costmap.clear_area([kind], np.array([2.0, 2.0, 0.0]), 1.0, True)
             for layer in costmap.obstacle_layers():
                 layer.configure(layer.values)
@@ -105,6 +111,31 @@ def compile_method_kernels() -> None:
             method.step(Sensing(time, (0.0, 0.0, 0.0), (0.0, 0.0), np.full(10, reading, np.float32), -1.0, 0.2))
 
 
+def compile_tracking_kernels() -> None:
+    """Fuse two measurements, and follow a disc that moves and then leaves the view."""
+    ekf, used = Ekf(), np.arange(ekf_kernels.SIZE) < 3
+    for stamp in (0.0, 1.0):
+        ekf.add(Measurement(stamp, used, np.zeros(ekf_kernels.SIZE), np.eye(ekf_kernels.SIZE)))
+    ekf_kernels.rotation(0.0, 0.0, 0.0, -1)
+    moving, beams = MovingObstacles(5.0, 0.1), np.arange(40)
+    angles = 0.05 * (beams - 20)
+    for stamp in range(6):
+        hits = np.abs(beams - 10 - 3 * stamp) < 4
+        ranges = np.where(hits, 2.0, 5.0)
+        ends = ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        moving.update(ScanPoints(float(stamp), np.zeros(3), ends, hits & (stamp < 5), beams, ranges, -1.0, 0.05))
+    moving_kernels.beam_at(1.0, 0.0, np.zeros(3), -1.0, 0.05, 40)
+    moving_kernels.circle_through(ends, 1.0, 0.0, 0.2)
+
+
+def compile_rare_kernels() -> None:
+    """Call what only some parameters, or some places, use."""
+    costs, corner = np.zeros((20, 20), np.uint8), np.zeros(2)
+    footprint_kernels.line_cost(costs, 1, 1, 5, 9)
+    obstacle_kernels.surface_cells(costs, 0.1, corner, np.array([[1.0, 1.0, 0.2]]), np.array([0.5, 0.5, 0.2]), 3.0, 0.1)
+    rollout_kernels.poses_after(np.zeros((2, 3)), np.zeros(3), np.zeros(3), np.ones(3), np.ones(4), np.empty((2, 3)))
+
+
 def compile_kernels() -> None:
     """Call everything once."""
     compile_controller_kernels()
@@ -113,8 +144,9 @@ def compile_kernels() -> None:
     compile_localization_kernels()
     compile_optimum_kernels()
     compile_method_kernels()
+    compile_tracking_kernels()
+    compile_rare_kernels()
 
 
 if __name__ == "__main__":
-    with KernelProgress("m2wr_navigation"):
-        compile_kernels()
+    prepare("m2wr_navigation", compile_kernels)

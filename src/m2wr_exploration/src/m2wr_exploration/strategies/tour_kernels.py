@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 _NO_WAY = 1e9       # m: between two places that are not connected
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shortest_tour(first: FloatArray, between: FloatArray) -> IndexArray:
     """Return the order of places with the least length of an open tour, by dynamic programming (Held, Karp 1962).
 

@@ -6,15 +6,15 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Complex64Array, Float32Array, FloatArray, IndexArray, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def paint(target: Uint8Array, resolution: float, origin: FloatArray, source: Uint8Array, source_resolution: float,
           source_origin: FloatArray, pose: FloatArray) -> None:
     """Draw a map into another one; of two known costs the greater one stays.
@@ -59,7 +59,7 @@ def paint(target: Uint8Array, resolution: float, origin: FloatArray, source: Uin
                     target[row, column] = LETHAL
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def find_free_sides(cells: IndexArray, free: BoolArray, radius: int, reach: int, sides: Float32Array) -> Float32Array:
     """Find on which side of obstacles it is free.
 
@@ -103,7 +103,7 @@ def find_free_sides(cells: IndexArray, free: BoolArray, radius: int, reach: int,
     return found
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _between(field: Float32Array, row: float, column: float) -> float:
     """Return the value between the centres of four cells, of which those beyond the edge are like those at it."""
     top, left = int(math.floor(row)), int(math.floor(column))
@@ -115,7 +115,7 @@ def _between(field: Float32Array, row: float, column: float) -> float:
             + down * ((1.0 - right) * field[high, near] + right * field[high, far]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def agreement(points: FloatArray, normals: Float32Array, field: Float32Array, sides: Float32Array, resolution: float,
               origin: FloatArray, pose: FloatArray) -> Tuple[float, int, int]:
     """Compare the obstacles of one map with another one.
@@ -166,14 +166,14 @@ def agreement(points: FloatArray, normals: Float32Array, field: Float32Array, si
     return score, agreeing, contradicting
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _coarse_cell(point: FloatArray, middle: FloatArray, cosine: float, sine: float, cell: float) -> Tuple[int, int]:
     """Return row and column of a point [m] after a rotation about the middle, which is at the corner of cell (0, 0)."""
     x, y = point[0] - middle[0], point[1] - middle[1]
     return int(math.floor((sine * x + cosine * y) / cell)), int(math.floor((cosine * x - sine * y) / cell))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def draw_coarse(image: Complex64Array, points: FloatArray, free: FloatArray, middle: FloatArray, yaw: float,
                 cell: float) -> None:
     """Draw a rotated map on coarse cells; what is beyond an edge appears at the opposite one.

@@ -6,13 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def stopping_poses(pose: FloatArray, velocity: FloatArray, held: float, brakes: FloatArray, step: float) -> FloatArray:
     """Return the poses of a robot that keeps its velocity for a while and then brakes.
 
@@ -49,7 +50,7 @@ def stopping_poses(pose: FloatArray, velocity: FloatArray, held: float, brakes: 
     return poses
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _apart(first: FloatArray, second: FloatArray) -> float:
     """Return the greatest gap between two convex outlines (K, 2) along the normals of the first one [m]."""
     best = -np.inf
@@ -67,7 +68,7 @@ def _apart(first: FloatArray, second: FloatArray) -> float:
     return best
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _placed(outline: FloatArray, pose: FloatArray, out: FloatArray) -> None:
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     for k in range(len(outline)):
@@ -75,7 +76,7 @@ def _placed(outline: FloatArray, pose: FloatArray, out: FloatArray) -> None:
         out[k, 1] = pose[1] + sine * outline[k, 0] + cosine * outline[k, 1]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def least_gap(first: FloatArray, second: FloatArray, outline: FloatArray, enough: float) -> float:
     """Return the least gap between two robots, each at any of its poses, by the theorem of the separating axis.
 

@@ -10,15 +10,15 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.optimum.tangent_kernels import crosses, point_distance
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _between(one: FloatArray, begin: int, end: int, two: FloatArray, start: int, stop: int) -> float:
     """Return the distance [m] of the polygons ``one[begin:end]`` and ``two[start:stop]``, 0 where they overlap."""
     least = math.inf
@@ -38,7 +38,7 @@ def _between(one: FloatArray, begin: int, end: int, two: FloatArray, start: int,
     return least
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def least_distance(poses: FloatArray, parts: FloatArray, part_first: IndexArray, part_radii: FloatArray,
                    points: FloatArray, first: IndexArray, radii: FloatArray, circles: FloatArray) -> float:
     """Return the least distance of a robot from all obstacles at many poses [m], infinite without any.

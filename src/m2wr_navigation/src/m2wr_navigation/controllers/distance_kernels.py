@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, IndexArray, Uint8Array
@@ -21,7 +21,7 @@ _BITS, _COLUMN = 32, 2 ** 32 - 1    # a cell in a queue: row << _BITS | column
 _FREE, _INSIDE = 0, 1               # which cells are entered in a pass: all but the inscribed ones, or these
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def spread_distances(costs: Uint8Array, seeds: IndexArray, queues: IndexArray, passes: Uint8Array,
                      out: Float32Array) -> None:
     """Compute the length of the shortest way from each cell to the nearest one of some cells.
@@ -61,7 +61,7 @@ def spread_distances(costs: Uint8Array, seeds: IndexArray, queues: IndexArray, p
     _propagate(passes, _INSIDE, queues[1], count, queues[0], queues[2:], out)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _propagate(passes: Uint8Array, kind: int, sources: IndexArray, count: int, borders: IndexArray, queues: IndexArray,
                out: Float32Array) -> int:
     """Lower the distances of the cells of a kind, from some cells outwards.
@@ -125,13 +125,13 @@ def _propagate(passes: Uint8Array, kind: int, sources: IndexArray, count: int, b
     return found
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _of(out: Float32Array, cell: int) -> np.float32:
     """Return the distance of a cell of a queue."""
     return out[cell >> _BITS, cell & _COLUMN]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_lowered(row: int, column: int, along_rows: bool, here: np.float32, out: Float32Array) -> bool:
     """Solve the equation in a neighbour of a cell with the distance ``here``; return if it is lowered.
 

@@ -6,10 +6,10 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.controllers.rollout_kernels import roll_out, step_count
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Uint8Array
@@ -20,7 +20,7 @@ _ROUNDING = 1e-6            # m
 _PROGRESS = 0.02            # share by which a motion has to lessen the overlap
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _blocked(costs: Uint8Array, row: int, column: int) -> bool:
     """Return whether a cell is lethal, unknown, or outside of the grid."""
     if not (0 <= row < costs.shape[0] and 0 <= column < costs.shape[1]):
@@ -28,7 +28,7 @@ def _blocked(costs: Uint8Array, row: int, column: int) -> bool:
     return costs[row, column] == LETHAL or costs[row, column] == NO_INFORMATION
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def obstacles_around(costs: Uint8Array, resolution: float, origin: FloatArray, x: float, y: float,
                      radii: Tuple[float, float], out: FloatArray) -> int:
     """Write the centres of the lethal and unknown cells around a robot; return their number.
@@ -69,7 +69,7 @@ def obstacles_around(costs: Uint8Array, resolution: float, origin: FloatArray, x
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def overlap(points: FloatArray, margin: float, footprint: FloatArray, x: float, y: float,
             yaw: float) -> Tuple[float, float]:
     """Return the sum of the depths of points inside a footprint, and the greatest depth [m].
@@ -113,7 +113,7 @@ def overlap(points: FloatArray, margin: float, footprint: FloatArray, x: float, 
     return total, deepest
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def best_way_out(samples: FloatArray, start: FloatArray, velocity: FloatArray, acceleration: FloatArray,
                  rolled: FloatArray, points: FloatArray, margin: float, footprint: FloatArray) -> int:
     """Return the index of the velocity that lessens the overlap most; -1 if none does.

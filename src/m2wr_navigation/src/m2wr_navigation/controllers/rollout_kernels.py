@@ -6,11 +6,11 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.controllers.distance_kernels import BLOCKED
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint_kernels import IN_UNKNOWN, OUTSIDE, outline_cost
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 VALID, OBSTACLE, UNKNOWN, OFF_MAP, NO_WAY, BARRED, WORSE = 0, 1, 2, 3, 4, 5, 6
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def roll_out(start: FloatArray, velocity: FloatArray, sample: FloatArray, acceleration: FloatArray, duration: float,
              steps: int, out: FloatArray) -> None:
     """Compute the poses of a robot that is given a velocity, by Euler's method.
@@ -52,7 +52,7 @@ def roll_out(start: FloatArray, velocity: FloatArray, sample: FloatArray, accele
         theta += w * step
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def step_count(sample: FloatArray, duration: float, granularity: float, angular_granularity: float, most: int) -> int:
     """Return the number of poses of a roll-out (at least 1).
 
@@ -70,7 +70,7 @@ def step_count(sample: FloatArray, duration: float, granularity: float, angular_
     return max(1, int(math.ceil(min(wanted, float(most)))))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def poses_after(samples: FloatArray, start: FloatArray, velocity: FloatArray, acceleration: FloatArray,
                 rolled: FloatArray, out: FloatArray) -> None:
     """Compute the last pose of the roll-out of each sample.
@@ -94,7 +94,7 @@ def poses_after(samples: FloatArray, start: FloatArray, velocity: FloatArray, ac
         out[i] = poses[steps - 1]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _at(grid: Float32Array, resolution: float, origin: FloatArray, x: float, y: float) -> float:
     """Return the value of the cell at a point, or -1 off the grid."""
     across, up = (x - origin[0]) / resolution, (y - origin[1]) / resolution
@@ -103,7 +103,7 @@ def _at(grid: Float32Array, resolution: float, origin: FloatArray, x: float, y: 
     return float(grid[int(up), int(across)])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _outline(costs: Uint8Array, resolution: float, origin: FloatArray, footprint: FloatArray, poses: FloatArray,
              steps: int, place: FloatArray) -> Tuple[int, int]:
     """Return the greatest cost below the outline and the centre of a roll-out, and why it is rejected."""
@@ -125,7 +125,7 @@ def _outline(costs: Uint8Array, resolution: float, origin: FloatArray, footprint
     return greatest, VALID
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, start: FloatArray,
                   velocity: FloatArray, acceleration: FloatArray, settings: FloatArray, costs: Uint8Array,
                   resolution: float, origin: FloatArray, footprint: FloatArray, grids: Float32Array, totals: FloatArray,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Uint8Array
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 IN_COLLISION, IN_UNKNOWN, OUTSIDE = -1, -2, -3
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def line_cost(costs: Uint8Array, row: int, column: int, last_row: int, last_column: int) -> int:
     """Return the greatest cost on Bresenham's line between two cells, both included; negative: see outline_cost.
 
@@ -50,7 +49,7 @@ def line_cost(costs: Uint8Array, row: int, column: int, last_row: int, last_colu
             row += down
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def outline_cost(costs: Uint8Array, resolution: float, origin: FloatArray, footprint: FloatArray, x: float, y: float,
                  yaw: float) -> int:
     """Return the greatest cost below the outline of a footprint, as ``CostmapModel::footprintCost``.
@@ -92,7 +91,7 @@ def outline_cost(costs: Uint8Array, resolution: float, origin: FloatArray, footp
     return greatest
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def fill_polygon(costs: Uint8Array, resolution: float, origin: FloatArray, corners: FloatArray, value: int) -> int:
     """Write a value into the cells whose centres lie in a polygon.
 

@@ -6,15 +6,15 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int8Array, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _raise_row(line: Uint8Array, other: Uint8Array) -> None:
     for column in range(line.shape[0]):
         # an unknown cell (255) counts as -1 in both: 255 + 1 wraps to 0
@@ -22,7 +22,7 @@ def _raise_row(line: Uint8Array, other: Uint8Array) -> None:
         line[column] = np.uint8(max(old, new) - np.uint8(1))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def raise_to(costs: Uint8Array, layer: Uint8Array, top: int, bottom: int, left: int, right: int) -> None:
     """Raise costs to those of a layer; unknown cells of the layer write nothing, those of the costs are replaced.
 
@@ -38,7 +38,7 @@ def raise_to(costs: Uint8Array, layer: Uint8Array, top: int, bottom: int, left: 
         _raise_row(costs[row, left:right], layer[row, left:right])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def overwrite(costs: Uint8Array, layer: Uint8Array, top: int, bottom: int, left: int, right: int) -> None:
     """Replace costs by those of a layer where it knows something.
 
@@ -56,7 +56,7 @@ def overwrite(costs: Uint8Array, layer: Uint8Array, top: int, bottom: int, left:
                 costs[row, column] = layer[row, column]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cost_of_occupancy(threshold: int, unknown_value: int, track_unknown: bool, trinary: bool) -> Uint8Array:
     """Return the cost (256,) uint8 of each occupancy, indexed by its byte, as ``StaticLayer::interpretValue``.
 
@@ -83,7 +83,7 @@ def cost_of_occupancy(threshold: int, unknown_value: int, track_unknown: bool, t
     return table
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def translate(occupancy: Int8Array, table: Uint8Array, costs: Uint8Array) -> None:
     """Write the cost of each cell of a map.
 
@@ -101,7 +101,7 @@ def translate(occupancy: Int8Array, table: Uint8Array, costs: Uint8Array) -> Non
             costs[row, column] = table[occupancy[row, column] & 255]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def resample(source: Uint8Array, source_resolution: float, source_from_target: FloatArray, target: Uint8Array,
              resolution: float, origin: FloatArray, top: int, bottom: int, left: int, right: int) -> None:
     """Write the costs of a grid into another one that may be turned against it; outside cells become unknown.
@@ -142,7 +142,7 @@ def resample(source: Uint8Array, source_resolution: float, source_from_target: F
             target[row, column] = NO_INFORMATION if greatest < 0 else greatest
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def forget(costs: Uint8Array, default: int, top: int, bottom: int, left: int, right: int, inside: bool) -> int:
     """Set all cells inside of a window, or all outside of it, to a default.
 

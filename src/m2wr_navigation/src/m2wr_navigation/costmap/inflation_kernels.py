@@ -10,9 +10,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Int16Array, Uint8Array
@@ -21,7 +21,7 @@ GREATEST_RADIUS = 120               # cells: the sum of two squares and one more
 _FAR = 32767
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cost_table(radius: int, resolution: float, inscribed: float, scaling: float) -> Uint8Array:
     """Return the cost of each squared distance, as costmap_2d's ``InflationLayer::computeCost``.
 
@@ -54,7 +54,7 @@ def cost_table(radius: int, resolution: float, inscribed: float, scaling: float)
 
 # The loops over a row are functions of their own: there the compiler sees that no index is negative, and vectorises.
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _start_row(line: Int16Array, source: Uint8Array, above: Int16Array, limit: int) -> None:
     """Write distances downwards: 0 in lethal cells, else one more than above, at most ``limit``."""
     one, zero, lethal = np.int16(1), np.int16(0), np.uint8(LETHAL)
@@ -63,7 +63,7 @@ def _start_row(line: Int16Array, source: Uint8Array, above: Int16Array, limit: i
         line[column] = zero if source[column] == lethal else more
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _end_row(line: Int16Array, below: Int16Array) -> None:
     """Lower distances to one more than below."""
     one = np.int16(1)
@@ -71,7 +71,7 @@ def _end_row(line: Int16Array, below: Int16Array) -> None:
         line[column] = min(np.int16(below[column] + one), line[column])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _square_row(line: Int16Array, limit: int, far: int) -> None:
     """Square distances; those of ``limit`` become ``far``."""
     for column in range(line.shape[0]):
@@ -79,7 +79,7 @@ def _square_row(line: Int16Array, limit: int, far: int) -> None:
         line[column] = far if step >= limit else np.int16(step * step)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _lower_row(best: Int16Array, padded: Int16Array, first: int, second: int, more: int) -> None:
     """Lower ``best`` to the lesser of two shifted rows of ``padded``, plus ``more``."""
     before, after = padded[first:], padded[second:]
@@ -88,7 +88,7 @@ def _lower_row(best: Int16Array, padded: Int16Array, first: int, second: int, mo
         best[column] = min(nearer, best[column])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _least(line: Int16Array) -> int:
     least = line[0]
     for column in range(line.shape[0]):
@@ -96,7 +96,7 @@ def _least(line: Int16Array) -> int:
     return least
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _column_squares(costs: Uint8Array, radius: int, top: int, bottom: int, left: int, right: int) -> Int16Array:
     """Return the squared distance (rows, columns) int16 along the column to a lethal cell; far ones are _FAR."""
     rows = bottom - top
@@ -113,7 +113,7 @@ def _column_squares(costs: Uint8Array, radius: int, top: int, bottom: int, left:
     return squares
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _write_row(line: Uint8Array, best: Int16Array, table: Uint8Array, reach: int, inflate_unknown: bool) -> None:
     """Raise the costs of one row."""
     for column in range(line.shape[0]):
@@ -127,7 +127,7 @@ def _write_row(line: Uint8Array, best: Int16Array, table: Uint8Array, reach: int
                 line[column] = new
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def inflate(costs: Uint8Array, table: Uint8Array, radius: int, top: int, bottom: int, left: int, right: int,
             inflate_unknown: bool) -> None:
     """Raise the costs of a window by its distance to lethal cells, those around the window included.

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
@@ -18,14 +18,14 @@ STRAIGHT = 0.97             # cosine of the angle between two parts of a surface
 MOST_WALLS = 200_000        # cells that a scan keeps
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _extend(bounds: IndexArray, row: int, column: int) -> None:
     """Grow bounds (top, bottom, left, right), ends excluded, to hold a cell."""
     bounds[0], bounds[1] = min(bounds[0], row), max(bounds[1], row + 1)
     bounds[2], bounds[3] = min(bounds[2], column), max(bounds[3], column + 1)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def mark(costs: Uint8Array, resolution: float, origin: FloatArray, points: FloatArray, sensor: FloatArray,
          obstacle_range: float, lowest: float, highest: float, bounds: IndexArray) -> int:
     """Make the cells of points lethal.
@@ -72,7 +72,7 @@ def mark(costs: Uint8Array, resolution: float, origin: FloatArray, points: Float
     return marked
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _clear_line(costs: Uint8Array, row: int, column: int, last_row: int, last_column: int, share: float) -> None:
     """Free the cells of Bresenham's line; at most ``share`` of it, the end cell excluded."""
     rows, columns = last_row - row, last_column - column
@@ -98,7 +98,7 @@ def _clear_line(costs: Uint8Array, row: int, column: int, last_row: int, last_co
                 error -= steps
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _clip(at: float, to: float, limit: float) -> float:
     """Return the share of the way from ``at`` (inside) to ``to`` that stays within 0 and ``limit``."""
     if to < 0.0:
@@ -108,7 +108,7 @@ def _clip(at: float, to: float, limit: float) -> float:
     return 1.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def clear(costs: Uint8Array, resolution: float, origin: FloatArray, points: FloatArray, sensor: FloatArray,
           raytrace_range: float, bounds: IndexArray) -> int:
     """Free the cells between a sensor and points, the cells of the points excluded.
@@ -158,7 +158,7 @@ def clear(costs: Uint8Array, resolution: float, origin: FloatArray, points: Floa
     return lines
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_surface(points: FloatArray, k: int, sensor: FloatArray, reach: float, widest: float, near: float) -> bool:
     """Return whether points k and k + 1, of neighbouring beams, are on one surface: close, or in line with another."""
     x, y = points[k, 0] - sensor[0], points[k, 1] - sensor[1]
@@ -178,7 +178,7 @@ def _is_surface(points: FloatArray, k: int, sensor: FloatArray, reach: float, wi
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def surface_cells(costs: Uint8Array, resolution: float, origin: FloatArray, points: FloatArray, sensor: FloatArray,
                   reach: float, increment: float) -> IndexArray:
     """Return the lethal cells on surfaces that a scan sees, which its beams along these surfaces must not free.

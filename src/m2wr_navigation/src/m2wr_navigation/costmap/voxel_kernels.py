@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Tuple
 
-from numba import njit
-
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL, NO_INFORMATION
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array, Uint32Array
@@ -23,7 +22,7 @@ EMPTY_COLUMN = 0            # all are free
 _INSIDE = 1e-9              # cells: the upper faces of the grid belong to no voxel
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _bits(value: int) -> int:
     """Return how many of sixteen bits are set."""
     value = value - ((value >> 1) & 0x5555)
@@ -32,7 +31,7 @@ def _bits(value: int) -> int:
     return (value + (value >> 8)) & 0x1F
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _cost(column: int, rules: IndexArray) -> int:
     """Return the cost of a column: lethal, free or unknown, by the counts of its voxels."""
     marked = column >> 16
@@ -42,7 +41,7 @@ def _cost(column: int, rules: IndexArray) -> int:
     return FREE if _bits(unknown) <= rules[2] else NO_INFORMATION
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _write(columns: Uint32Array, costs: Uint8Array, row: int, column: int, bits: int, rules: IndexArray,
            bounds: IndexArray) -> None:
     """Give a column other bits and the cost that follows; grow bounds (4,) if the cost changes."""
@@ -54,7 +53,7 @@ def _write(columns: Uint32Array, costs: Uint8Array, row: int, column: int, bits:
         bounds[2], bounds[3] = min(bounds[2], column), max(bounds[3], column + 1)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def mark(columns: Uint32Array, costs: Uint8Array, box: FloatArray, rules: IndexArray, points: FloatArray,
          sensor: FloatArray, obstacle_range: float, lowest: float, highest: float, bounds: IndexArray) -> int:
     """Mark the voxels of points. A column with more than ``mark_threshold`` of them is lethal; others keep their costs.
@@ -104,7 +103,7 @@ def mark(columns: Uint32Array, costs: Uint8Array, box: FloatArray, rules: IndexA
     return marked
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _part(at: float, step: float, limit: float, begin: float, end: float) -> Tuple[float, float]:
     """Return the shares of a ray, within begin and end, between which a coordinate is within 0 and a limit."""
     if step == 0.0:
@@ -115,7 +114,7 @@ def _part(at: float, step: float, limit: float, begin: float, end: float) -> Tup
     return max(begin, first), min(end, last)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _clear_line(columns: Uint32Array, costs: Uint8Array, rules: IndexArray, line: Tuple[float, ...], kept: int,
                 bounds: IndexArray) -> None:
     """Free the voxels of a line from x, y, z by steps u, v, w [cells], except one of this flat index.
@@ -142,7 +141,7 @@ def _clear_line(columns: Uint32Array, costs: Uint8Array, rules: IndexArray, line
             _write(columns, costs, row, column, after, rules, bounds)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _voxel(x: float, y: float, z: float, columns: Uint32Array, rules: IndexArray) -> int:
     """Return the flat index of the voxel that holds a place [cells]; -1 outside."""
     rows, wide = columns.shape
@@ -151,7 +150,7 @@ def _voxel(x: float, y: float, z: float, columns: Uint32Array, rules: IndexArray
     return (int(z) * rows + int(y)) * wide + int(x)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def clear(columns: Uint32Array, costs: Uint8Array, box: FloatArray, rules: IndexArray, points: FloatArray,
           sensor: FloatArray, reach: float, gap: float, ends: FloatArray, bounds: IndexArray) -> int:
     """Free the voxels between a sensor and points; the part of a ray that lies in the grid counts.
@@ -206,7 +205,7 @@ def clear(columns: Uint32Array, costs: Uint8Array, box: FloatArray, rules: Index
     return rays
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def restate(columns: Uint32Array, costs: Uint8Array, rules: IndexArray, bounds: IndexArray) -> None:
     """Write the costs of all columns of which something is known, after a change of the thresholds.
 

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.fusion import ekf_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
 
 LONGEST_STEP = 1e5          # s: a longer gap means another clock; it counts as GAP
 GAP = 0.01                  # s
@@ -28,7 +28,7 @@ class Measurement(NamedTuple):
     """
 
     stamp: float
-    used: FloatArray
+    used: BoolArray
     values: FloatArray
     covariance: FloatArray
     threshold: float = math.inf

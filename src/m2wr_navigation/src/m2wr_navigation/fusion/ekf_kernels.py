@@ -11,7 +11,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -22,13 +23,13 @@ SMALLEST = 1e-9         # variance of a measurement
 UPRIGHT = 1e-6          # |cos(pitch)| below which Euler rates are not defined
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def wrap(angle: float) -> float:
     """Return an angle in [-pi, pi] [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def rotation(roll: float, pitch: float, yaw: float, derivative: int) -> FloatArray:
     """Return the rotation of body vectors into the world, or its derivative.
 
@@ -55,7 +56,7 @@ def rotation(roll: float, pitch: float, yaw: float, derivative: int) -> FloatArr
     return parts[2] @ parts[1] @ parts[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def predict(state: FloatArray, covariance: FloatArray, noise: FloatArray, step: float) -> None:
     """Advance the state and its covariance.
 
@@ -100,7 +101,7 @@ def predict(state: FloatArray, covariance: FloatArray, noise: FloatArray, step: 
     covariance[:, :] = jacobian @ covariance @ jacobian.T + noise * step
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def correct(state: FloatArray, covariance: FloatArray, members: IndexArray, values: FloatArray, variances: FloatArray,
             threshold: float) -> bool:
     """Correct the state by a measurement of some of its members; Joseph form.

@@ -6,13 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def distance_transform(occupied: BoolArray, limit: float, out: Float32Array) -> None:
     """Compute the Euclidean distance of each cell's centre to that of the nearest occupied cell.
 
@@ -73,7 +74,7 @@ def distance_transform(occupied: BoolArray, limit: float, out: Float32Array) -> 
             out[y, x] = min(math.sqrt(max(0.0, squared)), limit)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def visible_surface(occupied: BoolArray, free: BoolArray, right: bool, up: bool, out: BoolArray) -> int:
     """Find the occupied cells in which beams of one quarter of all directions end.
 
@@ -103,7 +104,7 @@ def visible_surface(occupied: BoolArray, free: BoolArray, right: bool, up: bool,
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def quantise(distance: Float32Array, step: float, out: Uint8Array) -> None:
     """Round distances to whole steps.
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -16,14 +15,14 @@ STILL = 0.01            # a shorter way has no direction [m]
 OFFSET = 0.3            # m: a base frame so far from the wheels' axle moves sideways when the robot turns on the spot
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _folded(turn: float) -> float:
     """Size of a turn, where one by half a revolution counts as none: driving backwards [rad]."""
     size = abs(wrapped(turn))
     return min(size, math.pi - size)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def move_differential(poses: FloatArray, heading: float, step: FloatArray, alphas: FloatArray, corrected: bool,
                       noise: FloatArray) -> None:
     """Move particles of a robot that turns, drives straight and turns again.
@@ -73,7 +72,7 @@ def move_differential(poses: FloatArray, heading: float, step: FloatArray, alpha
         poses[i, 2] = wrapped(direction + second + spread_second * noise[i, 2])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def move_omnidirectional(poses: FloatArray, heading: float, step: FloatArray, alphas: FloatArray, corrected: bool,
                          noise: FloatArray) -> None:
     """Move particles of a robot that drives in any direction.

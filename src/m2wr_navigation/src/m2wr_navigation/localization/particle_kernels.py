@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -17,20 +18,20 @@ HALF = 1 << 24              # half the number of bins along an axis
 FIBONACCI = 0x9E3779B97F4A7C15 - (1 << 64)      # 2^64 over the golden ratio: spreads keys over a table
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _key(x: int, y: int, turn: int) -> int:
     """Return one number for a bin; neighbours in heading wrap."""
     return (((x + HALF) << 32) | ((y + HALF) << 6)) | (turn % TURNS)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _bin(x: float, y: float, theta: float) -> Tuple[int, int, int]:
     """Return the bin of a pose."""
     return (math.floor(x / BIN), math.floor(y / BIN),
             math.floor((theta + math.pi) * TURNS / (2.0 * math.pi)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _place(table: IndexArray, key: int) -> int:
     """Return where a key is in a table (T,) of -1 and keys, T a power of two, or where it belongs."""
     mask = len(table) - 1
@@ -40,7 +41,7 @@ def _place(table: IndexArray, key: int) -> int:
     return at
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _table(count: int) -> IndexArray:
     """Return an empty table for so many keys."""
     size = 16
@@ -49,7 +50,7 @@ def _table(count: int) -> IndexArray:
     return np.full(size, -1, np.int64)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def kld_count(bins: int, error: float, quantile: float) -> int:
     """Return the number of particles for a number of occupied bins.
 
@@ -73,7 +74,7 @@ def kld_count(bins: int, error: float, quantile: float) -> int:
     return math.ceil((bins - 1) / (2.0 * error) * root * root * root)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def adaptive_count(poses: FloatArray, least: int, error: float, quantile: float) -> int:
     """Return how many of some draws are enough for the bins that they fall into.
 
@@ -107,7 +108,7 @@ def adaptive_count(poses: FloatArray, least: int, error: float, quantile: float)
     return len(poses)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def draw_systematically(weights: FloatArray, start: float, out: IndexArray) -> None:
     """Draw particles by their weights with one random number.
 
@@ -129,7 +130,7 @@ def draw_systematically(weights: FloatArray, start: float, out: IndexArray) -> N
         out[k] = at
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _root(parents: IndexArray, node: int) -> int:
     """Return the root of a node, and shorten its way there."""
     while parents[node] != node:
@@ -138,7 +139,7 @@ def _root(parents: IndexArray, node: int) -> int:
     return node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def label_clusters(poses: FloatArray, out: IndexArray) -> int:
     """Group particles in bins that are connected by sides, edges or corners.
 
@@ -189,7 +190,7 @@ def label_clusters(poses: FloatArray, out: IndexArray) -> int:
     return clusters
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cluster_moments(poses: FloatArray, weights: FloatArray, labels: IndexArray, cluster: int,
                     mean: FloatArray, covariance: FloatArray) -> None:
     """Compute mean and covariance of one cluster's particles.

@@ -5,23 +5,22 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_navigation.localization.sensor_kernels import ray_length
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _within(one: FloatArray, other: FloatArray, limits: FloatArray) -> bool:
     """Whether two poses are nearer than a distance and an angle."""
     return (math.hypot(one[0] - other[0], one[1] - other[1]) < limits[0]
             and abs(wrapped(one[2] - other[2])) < limits[1])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def distinct(poses: FloatArray, places: FloatArray, known: int, apart: FloatArray) -> int:
     """Add poses that are apart from all places.
 
@@ -55,7 +54,7 @@ def distinct(poses: FloatArray, places: FloatArray, known: int, apart: FloatArra
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def nearest(poses: FloatArray, places: FloatArray, near: FloatArray, out: IndexArray) -> None:
     """Find the nearest place of each pose.
 
@@ -80,7 +79,7 @@ def nearest(poses: FloatArray, places: FloatArray, near: FloatArray, out: IndexA
                 out[i] = k
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_wall(column: int, row: int, occupied: BoolArray) -> bool:
     """Whether a cell or one beside it is occupied: rays slip through walls of cells that meet at corners only."""
     for j in range(max(0, row - 1), min(occupied.shape[0], row + 2)):
@@ -90,7 +89,7 @@ def _is_wall(column: int, row: int, occupied: BoolArray) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def agreement(places: FloatArray, mount: FloatArray, beams: FloatArray, reach: float, blocked: BoolArray,
               free: Float32Array, occupied: BoolArray, cell: float, spread: float, unmapped: float,
               out: FloatArray) -> None:

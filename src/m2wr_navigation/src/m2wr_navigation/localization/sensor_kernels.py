@@ -10,9 +10,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping.frontend.match_kernels import solve
+from m2wr_node.kernel import fast_kernel, kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Uint8Array
@@ -21,7 +21,7 @@ RAY_STEP = 0.5          # least step of a ray [cells]; bounds its error
 CORNER = 1.5            # a cell's centre to the ray's place in it and to another cell's edge, at most [cells]
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath=True)
+@fast_kernel
 def field_sums(particles: FloatArray, beams: Float32Array, fields: Uint8Array, table: Float32Array,
                out: FloatArray) -> None:
     """Add up a table of distances to obstacles over a scan's beams: the likelihood field.
@@ -59,7 +59,7 @@ def field_sums(particles: FloatArray, beams: Float32Array, fields: Uint8Array, t
         out[i, 0], out[i, 1] = first, second
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def near_share(particles: FloatArray, beams: Float32Array, fields: Uint8Array, near: float,
                out: FloatArray) -> None:
     """Compute the share of particles from which each beam ends near an obstacle of the map.
@@ -92,7 +92,7 @@ def near_share(particles: FloatArray, beams: Float32Array, fields: Uint8Array, n
     out /= len(particles)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def ray_length(x: float, y: float, direction: float, limit: float, blocked: BoolArray, free: Float32Array) -> float:
     """Return the length of a ray to the first cell that is not free, or to the map's edge.
 
@@ -125,7 +125,7 @@ def ray_length(x: float, y: float, direction: float, limit: float, blocked: Bool
     return limit
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def beam_sums(particles: FloatArray, mount: FloatArray, beams: FloatArray, blocked: BoolArray, free: Float32Array,
               cell: float, model: FloatArray, out: FloatArray) -> None:
     """Add up the beam model over a scan's beams.
@@ -171,7 +171,7 @@ def beam_sums(particles: FloatArray, mount: FloatArray, beams: FloatArray, block
         out[i, 0], out[i, 1] = cubes, logs
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _smooth(fields: Uint8Array, quarter: int, x: float, y: float) -> Tuple[float, float, float, bool]:
     """Return distance and gradient, interpolated between cell centres, and whether the place is on the map."""
     height, width = fields.shape[0], fields.shape[1]
@@ -185,7 +185,7 @@ def _smooth(fields: Uint8Array, quarter: int, x: float, y: float) -> Tuple[float
     return (low + up * (high - low), (1.0 - up) * (b - a) + up * (d - c), high - low, True)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale: float, limits: FloatArray,
                 prior: FloatArray, rounds: int, out: FloatArray, information: FloatArray) -> float:
     """Move a pose to where the scan fits best, by Gauss-Newton on the distances of its end points to obstacles.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Tuple
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shade(distance: Float32Array, limit: float, out: Uint8Array) -> None:
     """Write 255 where the distance is 0, and 0 where it is ``limit`` or more, for blocks of 2 x 2 cells.
 
@@ -31,7 +31,7 @@ def shade(distance: Float32Array, limit: float, out: Uint8Array) -> None:
             out[row, column] = 255 - int(min(scale * around, 255.0))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def border_target(shades: Uint8Array, row: float, column: float) -> Tuple[int, int]:
     """Return the cell of a place, or for a place outside the free cell of the border that is nearest to it.
 

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 FIT_STEPS = 5               # of the fit of a circle
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def groups_of(points: FloatArray, beams: IndexArray, gap: float, out: IndexArray) -> int:
     """Number the groups of points in the order of their beams.
 
@@ -44,7 +45,7 @@ def groups_of(points: FloatArray, beams: IndexArray, gap: float, out: IndexArray
     return count + 1 if len(points) else 0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def discs_around(points: FloatArray, beams: IndexArray, groups: IndexArray, fresh: BoolArray, laser: FloatArray,
                  ranges: FloatArray, out: FloatArray) -> None:
     """Write the disc of each group: as wide as the group looks, and behind its points by what a round body would be.
@@ -101,7 +102,7 @@ def discs_around(points: FloatArray, beams: IndexArray, groups: IndexArray, fres
             out[g, 2] = max(out[g, 2], math.hypot(points[k, 0] - out[g, 0], points[k, 1] - out[g, 1]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def circle_through(points: FloatArray, x: float, y: float, radius: float) -> Tuple[float, float]:
     """Return the centre of a circle of a known radius through points, near to where it is expected.
 
@@ -125,7 +126,7 @@ def circle_through(points: FloatArray, x: float, y: float, radius: float) -> Tup
     return x, y
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def beam_at(x: float, y: float, laser: FloatArray, angle_min: float, increment: float, count: int) -> int:
     """Return the number of the beam that is nearest to the direction of a place; -1: the scan does not reach there.
 
@@ -147,7 +148,7 @@ def beam_at(x: float, y: float, laser: FloatArray, angle_min: float, increment: 
     return int(place + 0.5) if 0.0 <= place < count - 0.5 else -1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def mark_fresh(points: FloatArray, laser: FloatArray, ranges: FloatArray, angle_min: float, increment: float,
                margin: float, out: BoolArray) -> None:
     """Write which points lie where an earlier scan saw free space: all beams around ended behind them.

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, NamedTuple, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
@@ -59,7 +60,7 @@ class RolloutSettings(NamedTuple):
     tolerance: float
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def sample(grid: Float32Array, corner: FloatArray, x: float, y: float, scale: float = 1.0) -> float:
     """Return the bilinear value of a grid between the centres of its cells; outside that of the nearest cell.
 
@@ -82,7 +83,7 @@ def sample(grid: Float32Array, corner: FloatArray, x: float, y: float, scale: fl
             + up * ((1.0 - right) * grid[r + 1, c] + right * grid[r + 1, c + 1]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def clearance_of(distance: Float32Array, corner: FloatArray, discs: FloatArray, x: float, y: float,
                  yaw: float, enough: float) -> float:
     """Return the least distance of the robot from an obstacle, negative inside of one [m]; where it is large, less.
@@ -112,7 +113,7 @@ def clearance_of(distance: Float32Array, corner: FloatArray, discs: FloatArray, 
     return least
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def apart_from(movers: FloatArray, allowed: FloatArray, discs: FloatArray, x: float, y: float, yaw: float,
                time: float, enough: float) -> Tuple[float, bool]:
     """Return the least distance of the robot from what moves, negative inside [m], and whether one is too small.
@@ -146,7 +147,7 @@ def apart_from(movers: FloatArray, allowed: FloatArray, discs: FloatArray, x: fl
     return least, hit
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def command_of(nominal: FloatArray, knots: Float32Array, t: int, settings: RolloutSettings) -> Tuple[float, float]:
     """Return a disturbed command within the limits.
 
@@ -168,7 +169,7 @@ def command_of(nominal: FloatArray, knots: Float32Array, t: int, settings: Rollo
     return min(max(v, settings.least_v), settings.most_v), min(max(w, -settings.most_w), settings.most_w)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def reached(v: float, w: float, to_v: float, to_w: float, settings: RolloutSettings) -> Tuple[float, float]:
     """Return the velocities after a step in which others are wanted [m/s, rad/s].
 
@@ -184,7 +185,7 @@ def reached(v: float, w: float, to_v: float, to_w: float, settings: RolloutSetti
     return v, w + min(max(to_w - w, -settings.change_w), settings.change_w)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _least_distances(movers: FloatArray, discs: FloatArray, state: FloatArray, settings: RolloutSettings) -> FloatArray:
     """Return the least distance (M,) that is allowed from each that moves [m]: what is too near may get no nearer."""
     allowed = np.zeros(movers.shape[0])
@@ -194,7 +195,7 @@ def _least_distances(movers: FloatArray, discs: FloatArray, state: FloatArray, s
     return allowed
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
             movers: FloatArray, state: FloatArray, nominal: FloatArray, knots: Float32Array,
             settings: RolloutSettings) -> float:
@@ -223,7 +224,7 @@ def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, d
     return _cost_of(distance, to_goal, corner, discs, movers, allowed, state, nominal, knots, settings)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
              movers: FloatArray, allowed: FloatArray, state: FloatArray, nominal: FloatArray, knots: Float32Array,
              settings: RolloutSettings) -> float:
@@ -265,7 +266,7 @@ def _cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, 
     return total + sample(to_goal, corner, x, y, 2.0) / settings.most_v
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray,
              movers: FloatArray, state: FloatArray, nominal: FloatArray, arcs: FloatArray, noise: Float32Array,
              settings: RolloutSettings) -> FloatArray:
@@ -293,7 +294,7 @@ def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, 
     return costs
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def weighted_mean(nominal: FloatArray, arcs: FloatArray, noise: Float32Array, costs: FloatArray, temperature: float,
                   settings: RolloutSettings) -> FloatArray:
     """Return the mean (T, 2) of all samples with the weights exp(-(cost - least) / temperature).

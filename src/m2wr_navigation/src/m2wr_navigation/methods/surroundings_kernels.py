@@ -10,9 +10,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 _ROW = 1000003              # cells in a row of the grid of points, more than any range: prime, as in _first_in_cells
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _cell(x: float, y: float, side: float) -> int:
     """Return the number of the cell of a point."""
     return int(math.floor(x / side)) * _ROW + int(math.floor(y / side))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_own(x: float, y: float, parts: FloatArray) -> bool:
     """Return whether a point of the robot's frame is on a part of it."""
     for part in range(parts.shape[0]):
@@ -35,7 +35,7 @@ def _is_own(x: float, y: float, parts: FloatArray) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _least(one: float, two: float) -> float:
     """Return the lesser of two readings; one that is not a number does not count."""
     if one != one or two < one:
@@ -43,7 +43,7 @@ def _least(one: float, two: float) -> float:
     return one
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_seen(readings: FloatArray, angles: FloatArray, increment: float, bearing: float, distance: float,
              margin: float) -> bool:
     """Return whether a point is covered by a scan: inside its field of view, and not hidden."""
@@ -58,7 +58,7 @@ def _is_seen(readings: FloatArray, angles: FloatArray, increment: float, bearing
     return distance < through + margin
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _new_points(readings: FloatArray, cosines: FloatArray, sines: FloatArray, place: FloatArray, limits: FloatArray,
                 parts: FloatArray, found: FloatArray, cells: IndexArray) -> int:
     """Write the points of a scan and their cells; return how many. Of neighbours in one cell the first counts."""
@@ -79,7 +79,7 @@ def _new_points(readings: FloatArray, cosines: FloatArray, sines: FloatArray, pl
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def points_after(readings: FloatArray, angles: FloatArray, cosines: FloatArray, sines: FloatArray, increment: float,
                  place: FloatArray, yaw: float, limits: FloatArray, parts: FloatArray,
                  points: FloatArray) -> FloatArray:
@@ -128,7 +128,7 @@ def points_after(readings: FloatArray, angles: FloatArray, cosines: FloatArray, 
     return out[:rows]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _travel(points: FloatArray, x: float, y: float, cosine: float, sine: float, radius: float) -> Tuple[float, int]:
     """Return how far a disc can travel in a direction [m], and the row of the point that ends it or -1."""
     least, blocker = math.inf, -1
@@ -147,7 +147,7 @@ def _travel(points: FloatArray, x: float, y: float, cosine: float, sine: float, 
     return least, blocker
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def free_travel(points: FloatArray, x: float, y: float, cosines: FloatArray, sines: FloatArray,
                 radius: float) -> Tuple[FloatArray, IndexArray]:
     """Return the result of :meth:`motion_plan.surroundings.Surroundings.free_travel`.
@@ -167,7 +167,7 @@ def free_travel(points: FloatArray, x: float, y: float, cosines: FloatArray, sin
     return travel, blockers
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def first_free(points: FloatArray, x: float, y: float, cosines: FloatArray, sines: FloatArray, radius: float,
                distance: float) -> Tuple[int, int]:
     """Return the result of :meth:`motion_plan.surroundings.Surroundings.first_free`.

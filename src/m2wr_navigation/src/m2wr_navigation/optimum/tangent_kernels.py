@@ -12,7 +12,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -21,7 +22,7 @@ SLACK = 1e-9            # m: rounding of a line that is tangent to a circle; a p
 _SAME = 1e-12           # m: circles with this distance of their centres have no tangents
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _point_to_edge(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the square of the distance of a point from a segment [m^2]."""
     along_x, along_y = bx - ax, by - ay
@@ -33,7 +34,7 @@ def _point_to_edge(x: float, y: float, ax: float, ay: float, bx: float, by: floa
     return off_x * off_x + off_y * off_y
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def point_distance(points: FloatArray, begin: int, end: int, x: float, y: float) -> float:
     """Return the distance of a point from a convex polygon, 0 inside [m].
 
@@ -55,7 +56,7 @@ def point_distance(points: FloatArray, begin: int, end: int, x: float, y: float)
     return 0.0 if inside else math.sqrt(least)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def crosses(line: Tuple[float, float, float, float], ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether two segments cross.
 
@@ -74,7 +75,7 @@ def crosses(line: Tuple[float, float, float, float], ax: float, ay: float, bx: f
     return first * second < 0.0 and third * fourth < 0.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def is_line_free(points: FloatArray, first: IndexArray, radii: FloatArray,
                  line: Tuple[float, float, float, float]) -> bool:
     """Return whether a segment keeps the distance ``radii`` from all polygons.
@@ -103,7 +104,7 @@ def is_line_free(points: FloatArray, first: IndexArray, radii: FloatArray,
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def is_point_free(points: FloatArray, first: IndexArray, radii: FloatArray, x: float, y: float) -> bool:
     """Return whether a point keeps the distance ``radii`` from all polygons.
 
@@ -121,7 +122,7 @@ def is_point_free(points: FloatArray, first: IndexArray, radii: FloatArray, x: f
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def tangents(points: FloatArray, first: IndexArray, radii: FloatArray, circles: FloatArray,
              used: IndexArray) -> Tuple[IndexArray, FloatArray, FloatArray]:
     """Return the free common tangents of all pairs of circles.
@@ -184,7 +185,7 @@ def tangents(points: FloatArray, first: IndexArray, radii: FloatArray, circles: 
     return pairs[:count].copy(), angles[:count].copy(), lengths[:count].copy()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def free_limits(points: FloatArray, first: IndexArray, radii: FloatArray, circle: FloatArray) -> FloatArray:
     """Return the angles (A,) at which free arcs of a circle may begin or end [rad].
 
@@ -227,7 +228,7 @@ def free_limits(points: FloatArray, first: IndexArray, radii: FloatArray, circle
     return found[:count].copy()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def free_arcs(points: FloatArray, first: IndexArray, radii: FloatArray, circle: FloatArray,
               angles: FloatArray) -> FloatArray:
     """Return the lengths (A,) of the arcs from each angle to the next one, the last to the first; inf: not free.

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.heap_kernels import pop, push
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
@@ -20,7 +20,7 @@ _LOW = 0.998                # the potential is a little above the cost of straig
 _GREEDY = 1.001             # paths may be more expensive by this factor, so that few cells beside them are visited
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def straight_cost(costs: Uint8Array, table: Float32Array, row: int, column: int, last_row: int,
                   last_column: int) -> float:
     """Return the cost of the straight line between the centres of two cells; inf if it meets a blocked cell.
@@ -65,14 +65,14 @@ def straight_cost(costs: Uint8Array, table: Float32Array, row: int, column: int,
     return math.hypot(rows, columns) * total / cells
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _ahead(potential: Float32Array, row: int, column: int, target: Tuple[int, int], least: float) -> float:
     """Return the estimated cost from a cell to the target."""
     straight = math.hypot(row - target[0], column - target[1]) * least
     return _GREEDY * max(_LOW * potential[row, column], straight)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], target: Tuple[int, int],
            potential: Float32Array, total: Float32Array, parent: Int32Array) -> Tuple[Int32Array, int, bool]:
     """Search a path from a start to a target.
@@ -147,7 +147,7 @@ def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], targe
     return visited, seen, False
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def straighten(costs: Uint8Array, table: Float32Array, corners: Int32Array) -> Int32Array:
     """Return the corners (M, 2) of a path without those that a straight line of no greater cost can leave out.
 

@@ -13,10 +13,10 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.block_layout import BLOCK
 from m2wr_navigation.planners.heap_kernels import pop, push
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 _MOST_PARTS = 33            # 32 isolated cells of a chessboard, and one
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _extremes(line: Uint8Array, least: Uint8Array, greatest: Uint8Array) -> None:
     for column in range(line.shape[0]):
         least[column] = min(least[column], line[column])
         greatest[column] = max(greatest[column], line[column])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _label_block(costs: Uint8Array, table: Float32Array, labels: Uint8Array, top: int, left: int,
                  stack: Int32Array, sums: Float32Array) -> int:
     """Write the part (1, 2, ...) of each free cell of a block; return the number of parts."""
@@ -66,7 +66,7 @@ def _label_block(costs: Uint8Array, table: Float32Array, labels: Uint8Array, top
     return parts
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def label_parts(costs: Uint8Array, table: Float32Array, start: Tuple[int, int],
                 target: Tuple[int, int]) -> Tuple[Int32Array, Uint8Array, Float32Array]:
     """Divide the free cells of each block into connected parts.
@@ -131,7 +131,7 @@ def label_parts(costs: Uint8Array, table: Float32Array, start: Tuple[int, int],
     return first, labels, parts[:count]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def part_of(first: Int32Array, labels: Uint8Array, parts: Float32Array, costs: Uint8Array, table: Float32Array,
             row: int, column: int) -> int:
     """Return the number of the part that holds a cell, or -1.
@@ -153,7 +153,7 @@ def part_of(first: Int32Array, labels: Uint8Array, parts: Float32Array, costs: U
     return number if parts[number, 3] == 1.0 else number + labels[row, column] - 1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _neighbours(first: Int32Array, labels: Uint8Array, parts: Float32Array, costs: Uint8Array, table: Float32Array,
                 number: int, found: Int32Array) -> int:
     """Write the numbers of the neighbours of a part, some twice; return how many."""
@@ -200,7 +200,7 @@ def _neighbours(first: Int32Array, labels: Uint8Array, parts: Float32Array, cost
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def corridor(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], target: Tuple[int, int],
              width: int) -> Tuple[Uint8Array, bool]:
     """Return the blocks around the shortest path through the graph of parts.

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.block_layout import BLOCK
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
@@ -19,13 +19,13 @@ _CHANGE = np.float32(1.0 - 1e-6)        # a path that is better by less is not t
 _AT_ONCE = 64                           # cells between two looks at the room in the queue
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _octile(rows: int, columns: int) -> np.float32:
     high, low = max(rows, columns), min(rows, columns)
     return np.float32(high) + _RISE * np.float32(low)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _reach(total: Float32Array, parent: Int32Array, allowed: Uint8Array, row: int, column: int, new: np.float32,
            origin: int) -> bool:
     """Take a path to a cell, if it is better than that before; return whether it was."""
@@ -35,7 +35,7 @@ def _reach(total: Float32Array, parent: Int32Array, allowed: Uint8Array, row: in
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _expand(costs: Uint8Array, table: Float32Array, allowed: Uint8Array, row: int, column: int, total: Float32Array,
             parent: Int32Array, better: IndexArray) -> int:
     """Offer a cell's path to its eight neighbours; write those that took it, row and column; return how many.
@@ -80,7 +80,7 @@ def _expand(costs: Uint8Array, table: Float32Array, allowed: Uint8Array, row: in
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], target: Tuple[int, int],
            allowed: Uint8Array, total: Float32Array, parent: Int32Array) -> Tuple[Int32Array, int, bool]:
     """Search the cheapest path from a start to a target: A* on eight neighbours with the octile heuristic.
@@ -151,7 +151,7 @@ def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], targe
     return visited, seen, total[target] < _INF
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _bands(table: Float32Array) -> Tuple[np.float32, int]:
     """Return the width of a band of the queue, and how many are in use at once: a power of two."""
     width = _HALF * table[0]
@@ -165,7 +165,7 @@ def _bands(table: Float32Array) -> Tuple[np.float32, int]:
     return width, count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def path_back(parent: Int32Array, start: Tuple[int, int], target: Tuple[int, int]) -> Int32Array:
     """Return the cells (N, 2) from the start to the target, row and column.
 

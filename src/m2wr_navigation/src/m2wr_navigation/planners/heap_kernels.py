@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from numba import njit
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, Int32Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def push(keys: Float32Array, items: Int32Array, count: int, key: float, item: int) -> int:
     """Add an item to a binary heap with room for it.
 
@@ -41,7 +41,7 @@ def push(keys: Float32Array, items: Int32Array, count: int, key: float, item: in
     return count + 1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def pop(keys: Float32Array, items: Int32Array, count: int) -> int:
     """Remove the least item, which was at index 0, from a binary heap.
 

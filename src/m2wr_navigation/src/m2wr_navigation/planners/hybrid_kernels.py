@@ -10,10 +10,10 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.heap_kernels import pop, push
 from m2wr_navigation.planners.reeds_shepp_kernels import MOST_PARTS, reeds_shepp
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
@@ -28,14 +28,14 @@ FAR = 10.0                  # radii: beyond, the headings change little of the l
 _FULL = 2.0 * math.pi
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _turn(angle: float) -> float:
     """Return an angle from 0 to 2 pi; one that is 0 but for rounding is 0."""
     angle = angle % _FULL
     return 0.0 if _FULL - angle < 1e-9 else angle
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def dubins(start: Tuple[float, float, float], goal: Tuple[float, float, float],
            radius: float) -> Tuple[float, int, float, float, float]:
     """Return the shortest path of a vehicle that drives ahead with a least turning radius.
@@ -93,7 +93,7 @@ def dubins(start: Tuple[float, float, float], goal: Tuple[float, float, float],
     return best * radius, kind, one, two, three
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def arc(pose: Tuple[float, float, float], length: float, curvature: float) -> Tuple[float, float, float]:
     """Return the pose at the end of an arc.
 
@@ -112,7 +112,7 @@ def arc(pose: Tuple[float, float, float], length: float, curvature: float) -> Tu
     return (x + (math.sin(after) - math.sin(yaw)) / curvature, y - (math.cos(after) - math.cos(yaw)) / curvature, after)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def cost_along(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float], length: float,
                curvature: float) -> float:
     """Return the cost of an arc: its length times the mean cost of its cells; inf: a cell is blocked or outside.
@@ -134,7 +134,7 @@ def cost_along(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float,
     return abs(length) * total / count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _curvatures(word: int, radius: float) -> Tuple[float, float, float]:
     left = 1.0 / radius
     if word == 0:
@@ -150,7 +150,7 @@ def _curvatures(word: int, radius: float) -> Tuple[float, float, float]:
     return left, -left, left
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shot(pose: Tuple[float, float, float], goal: Tuple[float, float, float], radius: float, backwards: float,
          change: float, before: float, parts: FloatArray) -> float:
     """Return the cost in free space of the best path to a goal: by Reeds and Shepp, or by Dubins without backing.
@@ -182,7 +182,7 @@ def shot(pose: Tuple[float, float, float], goal: Tuple[float, float, float], rad
     return length
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shot_cost(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float], backwards: float,
               change: float, before: float, parts: FloatArray) -> float:
     """Return the cost of a path on the costmap, inf: it is blocked.
@@ -210,7 +210,7 @@ def shot_cost(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, 
     return total
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shot_poses(pose: Tuple[float, float, float], parts: FloatArray) -> FloatArray:
     """Return poses (N, 3) along a path, without its start.
 
@@ -234,7 +234,7 @@ def shot_poses(pose: Tuple[float, float, float], parts: FloatArray) -> FloatArra
     return out[:count].copy()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _least_left(there: Tuple[float, float, float], goal: Tuple[float, float, float], by_cells: float, radius: float,
                 backwards: float, parts: FloatArray) -> float:
     """Return what the way to a goal with a heading costs at least."""
@@ -245,7 +245,7 @@ def _least_left(there: Tuple[float, float, float], goal: Tuple[float, float, flo
     return max(by_cells, reeds_shepp(there, goal, radius, 1.0, 0.0, 0.0, parts)) * min(1.0, backwards)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _slot(keys: IndexArray, key: int) -> int:
     """Return where a key is in a hash table, or the empty slot (-1) where it belongs."""
     mask = len(keys) - 1
@@ -255,13 +255,13 @@ def _slot(keys: IndexArray, key: int) -> int:
     return at
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _key(pose: Tuple[float, float, float], columns: int) -> int:
     heading = int((pose[2] % _FULL) / _FULL * HEADINGS) % HEADINGS
     return (int(pose[1]) * columns + int(pose[0])) * HEADINGS + heading
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array, start: Tuple[float, float, float],
                   goal: Tuple[float, float, float], options: Tuple[float, float, float, float],
                   memory: Tuple[FloatArray, Float32Array, Int32Array, IndexArray, Int32Array, Float32Array,

@@ -197,7 +197,7 @@ def leave_inscribed(costmap: Costmap, table: Float32Array, start: Cell) -> Float
         raise PlanningError("the start {} is {}".format(_place(costmap, start), _kind_of(cost)))
     reach = int(math.ceil(ESCAPE / costmap.resolution))
     top, left = max(0, start[0] - reach), max(0, start[1] - reach)
-    window = costmap.costs[top:start[0] + reach + 1, left:start[1] + reach + 1]
+    window = np.ascontiguousarray(costmap.costs[top:start[0] + reach + 1, left:start[1] + reach + 1])
     passable = np.where(np.arange(256) < LETHAL, 1.0, np.inf).astype(np.float32)
     passable[NO_INFORMATION] = table[NO_INFORMATION]
     potential = np.full(window.shape, np.inf, np.float32)

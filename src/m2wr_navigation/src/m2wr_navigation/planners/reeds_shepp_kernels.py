@@ -10,7 +10,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -27,13 +28,13 @@ _PARTS = np.array([3, 3, 3, 4, 4, 4, 4, 5])
 _TURNED_ROUND = np.array([False, False, True, False, False, True, True, False])
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _wrapped(angle: float) -> float:
     """Return an angle from -pi to pi."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _outer_turns(inner: float, other: float, x: float, y: float, heading: float) -> Tuple[float, float]:
     """Return the first and the last turn of a path of four arcs whose inner ones are known (the paper's tau, omega)."""
     between = _wrapped(inner - other)
@@ -45,7 +46,7 @@ def _outer_turns(inner: float, other: float, x: float, y: float, heading: float)
     return first, _wrapped(first - inner + other - heading)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _solve(form: int, x: float, y: float, heading: float, turns: FloatArray) -> bool:
     """Write the signed lengths of a form's parts, in radii, that lead from the origin to a pose; False: none do."""
     same = form == 0 or form == 2 or form == 5          # the last arc bends as the first one
@@ -107,7 +108,7 @@ def _solve(form: int, x: float, y: float, heading: float, turns: FloatArray) -> 
     return u <= _ROUNDING and t >= -_ROUNDING and v >= -_ROUNDING
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def reeds_shepp(start: Tuple[float, float, float], goal: Tuple[float, float, float], radius: float, backwards: float,
                 change: float, before: float, parts: FloatArray) -> float:
     """Find the path with the least cost in free space.

@@ -9,7 +9,8 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
@@ -18,7 +19,7 @@ START, GOAL = 0, 1              # the first two nodes of a tree
 _SHORT = 1e-6                   # cells: a shorter edge is no edge
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def line_cost(costs: Uint8Array, table: Float32Array, x: float, y: float, last_x: float, last_y: float) -> float:
     """Return the integral of the cost along a line, inf if it meets a blocked cell or leaves the grid; exact.
 
@@ -65,7 +66,7 @@ def line_cost(costs: Uint8Array, table: Float32Array, x: float, y: float, last_x
     return total * length
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _sample(draw: FloatArray, bias: float, nodes: FloatArray, best: float,
             shape: Tuple[int, int]) -> Tuple[float, float]:
     """Return a point: the goal, or one of the grid, or of the ellipse in which shorter paths lie (Gammell 2014)."""
@@ -84,7 +85,7 @@ def _sample(draw: FloatArray, bias: float, nodes: FloatArray, best: float,
     return x, y
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _nearest(nodes: FloatArray, total: FloatArray, count: int, x: float, y: float) -> int:
     """Return the node in the tree that is nearest to a point."""
     best, at = np.inf, START
@@ -95,7 +96,7 @@ def _nearest(nodes: FloatArray, total: FloatArray, count: int, x: float, y: floa
     return at
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _attach(parent: IndexArray, child: IndexArray, sibling: IndexArray, node: int, above: int) -> None:
     """Make a node the child of another one."""
     before = parent[node]
@@ -110,7 +111,7 @@ def _attach(parent: IndexArray, child: IndexArray, sibling: IndexArray, node: in
     parent[node], sibling[node], child[above] = above, child[above], node
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _lower(total: FloatArray, child: IndexArray, sibling: IndexArray, stack: IndexArray, node: int, new: float) -> None:
     """Lower the cost of a node and of all below it."""
     gain = total[node] - new
@@ -128,7 +129,7 @@ def _lower(total: FloatArray, child: IndexArray, sibling: IndexArray, stack: Ind
             k = sibling[k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _improve(costs: Uint8Array, table: Float32Array, nodes: FloatArray, total: FloatArray, links: IndexArray,
              found: Tuple[int, int, float]) -> None:
     """Give a new node the best parent within a radius, and its neighbours the new node where that is better.
@@ -165,7 +166,7 @@ def _improve(costs: Uint8Array, table: Float32Array, nodes: FloatArray, total: F
                 _lower(total, child, sibling, stack, k, through)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def grow(costs: Uint8Array, table: Float32Array, tree: Tuple[FloatArray, FloatArray, IndexArray], count: int,
          draws: FloatArray, options: Tuple[float, float, float, bool]) -> int:
     """Grow a tree by some samples; return its number of nodes.
@@ -246,7 +247,7 @@ def path_in(tree: Tuple[FloatArray, FloatArray, IndexArray]) -> FloatArray:
     return nodes[chain[::-1]]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shortcut(costs: Uint8Array, table: Float32Array, path: FloatArray) -> FloatArray:
     """Return a path (M, 2) without the corners that a straight line can leave out at no more cost.
 

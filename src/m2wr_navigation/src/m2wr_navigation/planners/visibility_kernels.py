@@ -6,19 +6,20 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
+
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import IndexArray, Uint8Array
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _is_blocked(blocked: Uint8Array, row: int, column: int) -> bool:
     outside = row < 0 or column < 0 or row >= blocked.shape[0] or column >= blocked.shape[1]
     return outside or blocked[row, column] != 0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def sees(blocked: Uint8Array, y: int, x: int, last_y: int, last_x: int) -> bool:
     """Return whether the straight line between two points passes the inside of no blocked cell; exact.
 
@@ -57,7 +58,7 @@ def sees(blocked: Uint8Array, y: int, x: int, last_y: int, last_x: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def corners(blocked: Uint8Array) -> IndexArray:
     """Return the corners (N, 2) at which a shortest path may turn, y and x in half cells.
 
@@ -76,7 +77,7 @@ def corners(blocked: Uint8Array) -> IndexArray:
     return found[:count].copy()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def shortest(blocked: Uint8Array, start: Tuple[int, int], target: Tuple[int, int]) -> Tuple[IndexArray, float]:
     """Return the corners of the shortest path and its length.
 

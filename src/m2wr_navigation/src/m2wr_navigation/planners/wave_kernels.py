@@ -11,9 +11,9 @@ import math
 from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
-from numba import njit
 
 from m2wr_navigation.planners.block_layout import BLOCK
+from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
@@ -25,7 +25,7 @@ _BITS, _COLUMN = 32, 2 ** 32 - 1        # a cell in the queue: row << _BITS | co
 _AT_ONCE = 128                          # cells between two looks at the room in the queue
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _solve(near: np.float32, other: np.float32, cost: np.float32, quadratic: bool) -> np.float32:
     """Return the potential of a cell by the lower neighbours along its two axes."""
     apart = abs(near - other)
@@ -34,14 +34,14 @@ def _solve(near: np.float32, other: np.float32, cost: np.float32, quadratic: boo
     return _HALF * (near + other + np.float32(math.sqrt(_TWO * cost * cost - apart * apart)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _value(potential: Float32Array, row: int, column: int) -> np.float32:
     if 0 <= row < potential.shape[0] and 0 <= column < potential.shape[1]:
         return potential[row, column]
     return _INF
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _offer(costs: Uint8Array, table: Float32Array, potential: Float32Array, allowed: Uint8Array, row: int, column: int,
            across: int, along: int, first: bool, second: bool, here: np.float32, quadratic: bool) -> np.float32:
     """Lower the potential of a neighbour of a cell with the potential ``here``; return it, or -1 if it stays.
@@ -61,7 +61,7 @@ def _offer(costs: Uint8Array, table: Float32Array, potential: Float32Array, allo
     return new
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _put(queue: IndexArray, counts: IndexArray, band: int, row: int, column: int) -> None:
     """Add a cell to the queue, in the place of its band."""
     place = band & (len(counts) - 1)
@@ -69,7 +69,7 @@ def _put(queue: IndexArray, counts: IndexArray, band: int, row: int, column: int
     counts[place] += 1
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _bands(table: Float32Array) -> Tuple[np.float32, int]:
     """Return the width of a band, and how many of them are in use at once: a power of two."""
     width = _HALF * table[0]
@@ -83,7 +83,7 @@ def _bands(table: Float32Array) -> Tuple[np.float32, int]:
     return width, count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def wave(costs: Uint8Array, table: Float32Array, target: Tuple[int, int], start: Tuple[int, int],
          potential: Float32Array, allowed: Uint8Array, quadratic: bool) -> Tuple[Int32Array, int, bool]:
     """Compute the potential from a target outwards until the start is reached.
@@ -174,7 +174,7 @@ def wave(costs: Uint8Array, table: Float32Array, target: Tuple[int, int], start:
     return visited, seen, watched and potential[start] < _INF
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def restore(potential: Float32Array, visited: Int32Array, count: int) -> None:
     """Set the potential of visited cells back to inf.
 
@@ -191,7 +191,7 @@ def restore(potential: Float32Array, visited: Int32Array, count: int) -> None:
         flat[visited[k]] = np.inf
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _slope(potential: Float32Array, row: int, column: int) -> Tuple[float, float]:
     """Return the downward unit direction (along the rows, along the columns) at a cell; 0, 0 at a blocked one."""
     here = potential[row, column]
@@ -205,7 +205,7 @@ def _slope(potential: Float32Array, row: int, column: int) -> Tuple[float, float
     return (0.0, 0.0) if length == 0.0 else (rise / length, run / length)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _lowest_neighbour(potential: Float32Array, row: int, column: int) -> Tuple[int, int]:
     """Return the neighbour of eight with the lowest potential; no diagonal passes a cell without potential."""
     best, best_row, best_column = potential[row, column], row, column
@@ -217,7 +217,7 @@ def _lowest_neighbour(potential: Float32Array, row: int, column: int) -> Tuple[i
     return best_row, best_column
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def descend(potential: Float32Array, start: Tuple[int, int], target: Tuple[int, int], gradient: bool) -> FloatArray:
     """Return a path from the start down to the target, in cells: (row, column) with centres at whole numbers.
 
@@ -268,7 +268,7 @@ def descend(potential: Float32Array, start: Tuple[int, int], target: Tuple[int, 
     return path[:count + 1].copy()
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def _blended_slope(potential: Float32Array, y: float, x: float) -> Tuple[float, float]:
     """Return the bilinear mean of the directions at the four cells around a point."""
     row, column = int(math.floor(y)), int(math.floor(x))
@@ -283,7 +283,7 @@ def _blended_slope(potential: Float32Array, y: float, x: float) -> Tuple[float, 
     return rise, run
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kernel
 def connected(costs: Uint8Array, table: Float32Array, start: Tuple[int, int]) -> Tuple[Uint8Array, int]:
     """Return which cells (H, W) uint8 are connected with a start through cells that are not blocked, and their number.
 
