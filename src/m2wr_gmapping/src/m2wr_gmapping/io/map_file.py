@@ -55,7 +55,7 @@ def picture(data: ArrayLike, free: int = 25, occupied: int = 65) -> Uint8Array:
 
 @dataclass(frozen=True)
 class PgmFile:
-    """The content of a map's picture, in parts that are made anew each time: a second map would need as much memory.
+    """The content of a map's picture, in parts that each iteration makes again: a second map would need memory.
 
     Attributes
     ----------
