@@ -37,11 +37,11 @@ def called_kernels(folder):
 
 
 def described(package):
-    """Return {package: names of the kernels in its library, or left out because of the types of their arguments}."""
+    """Return a package's folder, and the names of the kernels that its library has, or leaves out for their types."""
     folder = kernel.package_folder(next(iter(kernels(package).values())).py_func)
-    if kernel.loaded(package, folder) is None:
+    if kernel.loaded(folder) is None:
         pytest.skip("no library of kernels that fits the sources; make build makes it")
-    with open(kernel.paths(package, folder)[1]) as stream:
+    with open(kernel.paths(folder)[1]) as stream:
         about = json.load(stream)
     return folder, set(about["kernels"]) | set(about["left_out"])
 

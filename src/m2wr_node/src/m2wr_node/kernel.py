@@ -147,7 +147,7 @@ def fast_kernel(function: Callable[..., Any]) -> Any:
 
 
 def _made(function: Callable[..., Any], options: Dict[str, Any]) -> Any:
-    library = loaded(function.__module__.partition(".")[0], package_folder(function))
+    library = loaded(package_folder(function))
     if library is None:
         return _jit(function, options)
     return Kernel(function, library.get(name_in_package(function), []), options)
@@ -175,15 +175,8 @@ def package_folder(function: Callable[..., Any]) -> str:
 _libraries: Dict[str, Optional[Dict[str, List[Variant]]]] = {}
 
 
-def loaded(package: str, folder: str) -> Optional[Dict[str, List[Variant]]]:
-    """Return the compiled kernels of a package, None without a library that fits.
-
-    Parameters
-    ----------
-    package : str
-        Name of the Python package.
-    folder : str
-        Folder of its sources.
+def loaded(folder: str) -> Optional[Dict[str, List[Variant]]]:
+    """Return the compiled kernels of the package with this folder of sources, None without a library that fits.
 
     Returns
     -------
@@ -191,7 +184,7 @@ def loaded(package: str, folder: str) -> Optional[Dict[str, List[Variant]]]:
         {name in the package: variants}
     """
     if folder not in _libraries:
-        _libraries[folder] = _load(package, folder) if is_wanted() else None
+        _libraries[folder] = _load(folder) if is_wanted() else None
     return _libraries[folder]
 
 
@@ -200,19 +193,10 @@ def is_wanted() -> bool:
     return os.environ.get(SWITCH, "1") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 
-def paths(package: str, folder: str) -> Tuple[str, str]:
-    """Return the paths of a package's library and of its description.
-
-    Parameters
-    ----------
-    package : str
-        Name of the Python package.
-    folder : str
-        Folder of its sources.
-    """
-    cache = os.path.join(folder, "__pycache__")
-    suffix = importlib.machinery.EXTENSION_SUFFIXES[0]
-    return os.path.join(cache, module_name(package) + suffix), os.path.join(cache, module_name(package) + ".json")
+def paths(folder: str) -> Tuple[str, str]:
+    """Return the paths of the library and of its description, for the package with this folder of sources."""
+    stem = os.path.join(folder, "__pycache__", module_name(os.path.basename(folder)))
+    return stem + importlib.machinery.EXTENSION_SUFFIXES[0], stem + ".json"
 
 
 def module_name(package: str) -> str:
@@ -244,15 +228,15 @@ def _processor() -> Tuple[str, ...]:
     return tuple(line for line in first.splitlines() if line.startswith(("model", "flags", "Features", "CPU part")))
 
 
-def _load(package: str, folder: str) -> Optional[Dict[str, List[Variant]]]:
-    library, description = paths(package, folder)
+def _load(folder: str) -> Optional[Dict[str, List[Variant]]]:
+    library, description = paths(folder)
     try:
         with open(description) as stream:
             about = json.load(stream)
         if any(checksum(os.path.normpath(os.path.join(folder, source))) != expected
                for source, expected in about["sources"].items()):
             return None
-        spec = importlib.util.spec_from_file_location(module_name(package), library)
+        spec = importlib.util.spec_from_file_location(module_name(os.path.basename(folder)), library)
         if spec is None or spec.loader is None:
             return None
         module = importlib.util.module_from_spec(spec)

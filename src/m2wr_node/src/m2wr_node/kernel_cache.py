@@ -41,8 +41,7 @@ def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[s
     further : callable
         Returns for the source text of such a module what else its kernels depend on, with a ``repr`` of its own.
     """
-    top = _top_folder(path)
-    if kernel.loaded(os.path.basename(top), top) is not None:
+    if kernel.loaded(_top_folder(path)) is not None:
         kernel.before_numba.append(lambda: _refresh(path, endings, further))
         return
     _refresh(path, endings, further)

@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from typing import Any, Callable, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, Set, Tuple
 
 from m2wr_node import kernel
 from m2wr_node.kernel_progress import KernelProgress, kernels
@@ -36,11 +36,11 @@ def prepare(package: str, compile_kernels: Callable[[], None]) -> None:
     """
     with KernelProgress(package):
         compile_kernels()
-    print("   " + update(package, package + ".kernel_warm_up"))
+    print("   " + update(package))
 
 
-def update(package: str, warm_up: str) -> str:
-    """Compile the library of a package if it is missing or out of date.
+def update(package: str) -> str:
+    """Compile the library of a package if it is missing, damaged or out of date.
 
     Call the warm-up before, which fills numba's cache.  Otherwise the library also has the kernels that only other
     kernels call, which makes it larger.
@@ -48,9 +48,8 @@ def update(package: str, warm_up: str) -> str:
     Parameters
     ----------
     package : str
-        Name of the Python package.
-    warm_up : str
-        Module with a function ``compile_kernels()``, which calls every kernel that Python calls.
+        Name of the Python package.  The function ``compile_kernels()`` of its module ``kernel_warm_up`` calls every
+        kernel that Python calls.
 
     Returns
     -------
@@ -59,13 +58,11 @@ def update(package: str, warm_up: str) -> str:
     """
     if not kernel.is_wanted():
         return "%s: no library of kernels, by the environment" % package
-    folder = _source_folder(package)
-    library, description = kernel.paths(package, folder)
-    if os.path.exists(library) and _sources_in(description) == _sources(package):
+    if kernel.loaded(_source_folder(package)) is not None:
         return "%s: the library of kernels is up to date" % package
     environment = dict(os.environ)
     environment[kernel.SWITCH] = "0"
-    made = subprocess.run([sys.executable, "-m", __name__, package, warm_up], env=environment, text=True,
+    made = subprocess.run([sys.executable, "-m", __name__, package], env=environment, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     last = (made.stdout.strip().splitlines() or ["no output"])[-1]
     if made.returncode:
@@ -90,23 +87,13 @@ def _sources(package: str) -> Dict[str, str]:
     return {os.path.relpath(folder, own): kernel.checksum(folder) for folder in sorted(folders)}
 
 
-def _sources_in(description: str) -> Optional[Dict[str, str]]:
-    try:
-        with open(description) as stream:
-            return dict(json.load(stream)["sources"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def compile_library(package: str, warm_up: str) -> int:
+def compile_library(package: str) -> int:
     """Call the warm-up, then compile each kernel that was called for the types of its arguments.
 
     Parameters
     ----------
     package : str
         Name of the Python package.
-    warm_up : str
-        Module with a function ``compile_kernels()``.
 
     Returns
     -------
@@ -118,10 +105,10 @@ def compile_library(package: str, warm_up: str) -> int:
     NoLibraryError
         If this installation cannot compile a library.
     """
-    importlib.import_module(warm_up).compile_kernels()
+    importlib.import_module(package + ".kernel_warm_up").compile_kernels()
     wanted = {name: list(found.nopython_signatures) for name, found in kernels(package).items()}
     folder = _source_folder(package)
-    library, description = kernel.paths(package, folder)
+    library, description = kernel.paths(folder)
     os.makedirs(os.path.dirname(library), exist_ok=True)
     temporary = tempfile.mkdtemp(prefix=".kernels-", dir=os.path.dirname(library))
     try:
@@ -217,6 +204,6 @@ def type_of(argument: Any) -> Any:
 
 if __name__ == "__main__":
     try:
-        print("a library of %d kernels compiled" % compile_library(*sys.argv[1:3]))
+        print("a library of %d kernels compiled" % compile_library(sys.argv[1]))
     except (NoLibraryError, OSError) as failure:
         sys.exit(str(failure))

@@ -12,6 +12,8 @@ import sys
 import threading
 from typing import Any, Callable, Dict, List, Optional
 
+from m2wr_node.kernel import name_in_package
+
 _INTERVAL = 1.0         # s between two checks
 _QUIET = 15             # checks without progress after which a line says that the work continues
 
@@ -26,7 +28,7 @@ def kernels(package: str) -> Dict[str, Any]:
         for value in vars(importlib.import_module(module.name)).values():
             function = getattr(value, "py_func", None)
             if function is not None and function.__module__.startswith(package + "."):
-                found["%s.%s" % (function.__module__.split(".", 1)[1], function.__name__)] = value
+                found[name_in_package(function)] = value
     return found
 
 

@@ -64,7 +64,8 @@ from robot.some_kernels import add_scaled, corner, quotient, scaled, zeros
 def write_package(folder):
     """Write a package with kernels in two modules, and with their warm-up."""
     (folder / "robot").mkdir()
-    for file, text in (("__init__", ""), ("factor", "FACTOR = 3.0\n"), ("some_kernels", KERNELS), ("warm_up", WARM_UP)):
+    for file, text in (("__init__", ""), ("factor", "FACTOR = 3.0\n"), ("some_kernels", KERNELS),
+                       ("kernel_warm_up", WARM_UP)):
         (folder / "robot" / (file + ".py")).write_text(text)
 
 
@@ -81,8 +82,8 @@ def run(folder, code, **changes):
 
 def update(folder, **changes):
     """Compile the kernels, then make their library; return what is told."""
-    run(folder, "from robot.warm_up import compile_kernels; compile_kernels()")
-    code = "from m2wr_node.kernel_library import update; print(update('robot', 'robot.warm_up'))"
+    run(folder, "from robot.kernel_warm_up import compile_kernels; compile_kernels()")
+    code = "from m2wr_node.kernel_library import update; print(update('robot'))"
     return run(folder, code, **changes)
 
 
@@ -181,11 +182,13 @@ def missing_kernel(folder):
 
 
 @pytest.mark.parametrize("damage", [broken_library, broken_description, missing_kernel])
-def test_a_damaged_library_is_reported_and_not_used(copy, damage):
+def test_a_damaged_library_is_reported_and_made_again(copy, damage):
     damage(copy)
     out = call(copy, "print(zeros(2))")
     assert out[0].startswith("WARNING the compiled kernels ") and "cannot be loaded" in out[0]
     assert out[1:] == ["[0. 0.]", "True"]
+    assert update(copy).endswith("robot: a library of 4 kernels compiled")
+    assert call(copy, "print(zeros(2))") == ["[0. 0.]", "False"]
 
 
 @pytest.mark.parametrize("start, compiler, reason", [
