@@ -154,9 +154,8 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
         most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3
         if used[0] + min(most, table.size - used[0]) > changed.shape[0]:
             return k
-        most = _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used)
-        used[1] = max(used[1], most)
-        if most >= limit:
+        used[1] = max(used[1], _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used))
+        if used[1] >= limit:
             return k + 1
     return rays.shape[1]
 
