@@ -66,7 +66,7 @@ def parse(arguments: Sequence[str]) -> Tuple[argparse.Namespace, Dict[str, Any]]
     add("--on_done", metavar="COMMAND", help="shell command to run at the end")
     add("--trajectory", metavar="FILE", help="final path of the base at processed scans: stamp x y z qx qy qz qw")
     add("--tracked", metavar="FILE", help="the same with all matched scans between processed ones")
-    add("--online", metavar="FILE", help="best pose known at the time of each processed scan, same format")
+    add("--online", metavar="FILE", help="best pose known at the time of each scan, same format")
     add("--graph", metavar="FILE", help="pose graph with loop closures as JSON, for plot_map --graph")
     add("--map", metavar="NAME", help="write NAME.pgm and NAME.yaml")
     add("--stats", metavar="FILE", help="write times and counts as JSON")
@@ -226,6 +226,7 @@ class Replay:
             if not 0.0 <= since <= self._config["map_update_interval"]:
                 self._map_stamp = stamp
                 self._map(mapper)
+        if self._options.online:
             self.online.append((stamp, mapper.base_poses(update.pose)))
 
     def _start_new_run(self) -> None:
