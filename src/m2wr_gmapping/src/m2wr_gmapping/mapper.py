@@ -252,6 +252,8 @@ class Mapper:
         return self._odom.copy()
 
     def _remember(self, reading: ScanReading, stamp: float) -> None:
+        if self.readings:
+            self.readings[-1].compact()
         self.readings.append(reading)
         self.stamps.append(stamp)
         self._distance = self._turn = 0.0

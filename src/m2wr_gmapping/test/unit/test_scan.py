@@ -283,3 +283,17 @@ def test_invalid_ranges_are_ignored(ring, laser):
         # free space is cleared, if at all, to the end of the laser's reach: nothing was there
         assert reading.rays.shape[1] - 171 in (0, 10)
         assert reading.ray_hits.sum() == 171
+
+
+@pytest.mark.parametrize("skip", [0, 1])
+@pytest.mark.parametrize("slope", [None, (0.1, 0.0)])
+def test_beams_of_a_stored_scan_are_as_before(skip, slope):
+    """They are computed again if all of its end points are known."""
+    laser = LaserModel.from_message(-1.5, 1.5, 0.01, 301, 0.1, 10.0)
+    reading = laser.reading(np.random.default_rng(1).uniform(1.0, 12.0, 301), skip, 0.04)
+    if slope is not None:
+        reading = reading.level_part(slope, 0.3)
+    before = reading.beams.copy()
+    reading.compact()
+    assert np.array_equal(reading.beams, before) and before.shape[1] > 20
+    assert (reading._beams is None) == (skip == 0 and slope is None)

@@ -32,7 +32,7 @@ FineMatch = Tuple[int, "FloatArray", "IndexArray", "FloatArray"]
 
 @dataclass(frozen=True)
 class MergedScan:
-    """Beams (7, M) of several scans, as input of the matcher."""
+    """Beams (7, M) of one or several scans, as input of the matcher."""
 
     beams: FloatArray
 
@@ -95,7 +95,7 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     order = np.argsort(distance, kind="stable")
     further = min(reach, SEARCH.reach)
     around = old[order][distance[order] < LINKS.reach + further][:SEARCH.nodes[0] + int(LINKS.nodes * further)]
-    reading = merged_scan(scene, reach) if reach else readings[-1]
+    reading = merged_scan(scene, reach) if reach else MergedScan(readings[-1].beams)
     beams = reading.beams.shape[1]
     if not len(around) or not beams:
         return None

@@ -238,8 +238,6 @@ class ScanReading:
     ----------
     points : (2, H) float64
         End points that are registered in the maps [m].
-    beams : (7, M) float64
-        End points that are matched, with their normals: the layout of ``match_kernels``.
     rays : (2, S) float32
         Ends of all beams that clear space, limited to ``maxUrange`` [m].
     ray_hits : (S,) bool
@@ -247,9 +245,10 @@ class ScanReading:
     """
 
     points: FloatArray
-    beams: FloatArray
     rays: Float32Array
     ray_hits: BoolArray
+    _beams: Optional[FloatArray]        # None: computed from the points
+    _limit: float = 0.0                 # for that, see ``surface_normals`` [m]; 0: they follow from other points, too
 
     def __init__(self, laser: LaserModel, ranges: FloatArray, skip: int, gap: float) -> None:
         size = ranges.size
@@ -259,10 +258,35 @@ class ScanReading:
         # copies, because readings are stored for the whole run
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the merged points: neighbouring beams on a close wall are closer together than their noise
-        beams = np.empty((mk.BEAM_ROWS, count))
-        with_normals(self.points, tuning.SCANS.normal_reach, tuning.SCANS.normal_side, min(laser.limits[2:]),
-                     tuning.SCANS.slide, beams)
-        self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams
+        limit = min(laser.max_range, laser.max_urange)
+        self._beams = _beams_of(self.points, limit)
+        if skip:
+            self._beams = np.ascontiguousarray(self._beams[:, used[:count]])
+        else:
+            self._limit = limit
+
+    @classmethod
+    def of_parts(cls, points: FloatArray, beams: FloatArray, rays: Float32Array, ray_hits: BoolArray) -> ScanReading:
+        """Return a reading with these attributes.
+
+        Parameters
+        ----------
+        points, beams, rays, ray_hits
+            As of the class; ``beams`` is (7, M) float64.
+        """
+        reading = object.__new__(cls)
+        reading.points, reading._beams, reading.rays, reading.ray_hits = points, beams, rays, ray_hits
+        return reading
+
+    @property
+    def beams(self) -> FloatArray:
+        """End points that are matched, with their normals, (7, M) float64: the layout of ``match_kernels``."""
+        return _beams_of(self.points, self._limit) if self._beams is None else self._beams
+
+    def compact(self) -> None:
+        """Save memory: compute the beams from the points when they are asked for. They need most of a reading."""
+        if self._limit:
+            self._beams = None
 
     def level_part(self, slope: Vector, lift: float) -> ScanReading:
         """Return the reading without end points that are more than ``lift`` above or below the plane of a level laser.
@@ -280,10 +304,15 @@ class ScanReading:
         -------
         ScanReading
         """
-        part = object.__new__(ScanReading)
         kept, held = (np.abs(slope[0] * x + slope[1] * y) <= lift for x, y in (self.points, self.beams[:2]))
-        part.points, part.beams = np.ascontiguousarray(self.points[:, kept]), np.ascontiguousarray(self.beams[:, held])
         lifted = np.abs(slope[0] * self.rays[0] + slope[1] * self.rays[1])
-        part.rays = self.rays * np.minimum(1.0, lift / np.maximum(lifted, lift)).astype(np.float32)
-        part.ray_hits = self.ray_hits & (lifted <= lift)
-        return part
+        rays = self.rays * np.minimum(1.0, lift / np.maximum(lifted, lift)).astype(np.float32)
+        return ScanReading.of_parts(np.ascontiguousarray(self.points[:, kept]),
+                                    np.ascontiguousarray(self.beams[:, held]), rays, self.ray_hits & (lifted <= lift))
+
+
+def _beams_of(points: FloatArray, limit: float) -> FloatArray:
+    """Return the beams (7, M) of all end points (2, M) of a laser of ``limit`` metres."""
+    beams = np.empty((mk.BEAM_ROWS, points.shape[1]))
+    with_normals(points, tuning.SCANS.normal_reach, tuning.SCANS.normal_side, limit, tuning.SCANS.slide, beams)
+    return beams

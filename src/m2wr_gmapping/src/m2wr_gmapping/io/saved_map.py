@@ -58,7 +58,7 @@ class MapReading(ScanReading):
 
     def __init__(self, points: FloatArray) -> None:
         self.points = points
-        self.beams = np.empty((mk.BEAM_ROWS, 0))
+        self._beams = np.empty((mk.BEAM_ROWS, 0))
         self.rays, self.ray_hits = np.empty((2, 0), np.float32), np.zeros(0, bool)
 
 

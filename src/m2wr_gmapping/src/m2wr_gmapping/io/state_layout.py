@@ -29,9 +29,8 @@ LINK = Group(NODE, NODE, POSE, Array("float64", "3 3"))
 
 
 def _reading(values: Dict[str, Any]) -> Any:
-    made = object.__new__(ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading)
-    vars(made).update(values)
-    return made
+    kind = ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading
+    return kind.of_parts(**values)
 
 
 READING = ListedRecord(_reading, {
