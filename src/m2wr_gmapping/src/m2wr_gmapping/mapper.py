@@ -20,6 +20,7 @@ from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
+from m2wr_gmapping.frontend.standstill import Standstill
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
@@ -104,7 +105,7 @@ class Mapper:
             self._tracker = Tracker(matcher, config.noise, self._dense, laser.base_from_sensor, laser.view)
             if config["loop_closing"]:
                 self._loops = LoopCloser(matcher, config["delta"], self._history)
-        self._motion, self._gaps = ViewMemory(), ScanGaps()
+        self._motion, self._gaps, self._standstill = ViewMemory(), ScanGaps(), Standstill()
         self._level = TiltDetector(config["delta"], laser.max_range)
         self.filter: Optional[ParticleFilter] = None
         self.readings: List[ScanReading] = []
@@ -169,13 +170,14 @@ class Mapper:
             return self._first(reading, odom, stamp)
         tracker, tracked, before = self._tracker, False, self._odom
         self._odom = odom
-        self._gaps.add(stamp)
+        interval = self._gaps.add(stamp)
         if tracker is None:
             step = between(before, odom)
             distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
             particles.drift(step)
         else:
             distance, turn, moved = tracker.advance(before, odom)
+        self._standstill.add(interval, distance, turn)
         self._distance += distance
         self._turn += turn
         due = self._due(stamp)
@@ -187,9 +189,14 @@ class Mapper:
             self._motion.remember(reading)
             reading = self._level.level_part(reading)
             best = particles.best
-            tracked = tracker.match(particles.maps, best, particles.poses[best], reading, self._conflict_of(reading))
+            tracked = tracker.match(particles.maps, best, particles.poses[best], reading, self._conflict_of(reading),
+                                    self._standstill.unexplained)
+            if tracker.agrees:
+                self._standstill.explain()
             # the robot may have moved without odometry; a slip has to be confirmed first
             due = (due or self._has_moved(tracker.rel)) and not tracker.undecided
+        elif self._dense and tracker.agrees:        # the view has not changed
+            self._standstill.explain()
         if due:
             self._process_fully(reading, stamp)
         elif tracker is not None and tracked and not tracker.undecided:    # else the path follows odometry
@@ -258,6 +265,7 @@ class Mapper:
         self.stamps.append(stamp)
         self._distance = self._turn = 0.0
         self._gaps.restart()
+        self._standstill.restart()
         if self._tracker is not None:
             self._tracker.restart()
             self._motion.remember(reading)
@@ -317,7 +325,8 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
-            doubtful = self._gaps.allow_turn(tracker.has_slipped) or tracker.has_turned or tracker.is_unexplained
+            doubtful = (self._gaps.allow_turn(tracker.has_slipped, self._standstill.longest) or tracker.has_turned
+                        or tracker.is_unexplained)
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)

@@ -10,6 +10,7 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend.matcher import (
+    DOUBTFUL,
     LARGE_SLIP,
     NO_PRIOR,
     NO_SLIP,
@@ -24,6 +25,7 @@ from m2wr_gmapping.frontend.track import Request
 from m2wr_gmapping.workers import Workers
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
+STILL = tuning.TURNS.half_turn      # time in which somebody can turn the robot [s]
 WANTED, START = np.array([0.5, 0.0, 0.0]), np.array([0.47, 0.02, 0.01])
 
 
@@ -59,12 +61,12 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
-    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT)
+    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT, STILL)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
 
 
 @pytest.mark.parametrize("denied, found", [
-    (Conflict(90, 100, 90, 100), LARGE_SLIP), (Conflict(0, 100, 90, 100), NO_SLIP), (NO_CONFLICT, NO_SLIP)])
+    (Conflict(90, 100, 90, 100), LARGE_SLIP), (Conflict(0, 100, 90, 100), DOUBTFUL), (NO_CONFLICT, NO_SLIP)])
 def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
     """The match of 26 beams is worth less than the improbability of a slip; what older scans have seen is not.
 
@@ -79,7 +81,7 @@ def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
 
     def conflict(pose):
         return denied if abs(pose[2] - true) > 0.1 else NO_CONFLICT
-    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 0.0, conflict)
+    row, slip, _ = matcher.track(maps, 0, reading, ask, False, 0.0, conflict, STILL)
     assert slip == found
     assert row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
 
@@ -91,19 +93,20 @@ def test_a_scan_that_suddenly_fits_nothing_shows_a_turn(share, rotated, found):
     true, told = -math.radians(rotated), np.zeros(3)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
     ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
-    row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT)
+    row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT,
+                                 STILL)
     assert slip == found and row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("conflict, found", [
-    (NO_CONFLICT, NO_SLIP), (Conflict(0, 100, 90, 100), NO_SLIP), (Conflict(90, 100, 90, 100), UNEXPLAINED)])
+    (NO_CONFLICT, DOUBTFUL), (Conflict(0, 100, 90, 100), DOUBTFUL), (Conflict(90, 100, 90, 100), UNEXPLAINED)])
 def test_a_scan_of_an_unknown_area_is_no_turn(conflict, found):
     """Nothing of it fits, wherever the robot would look. Only walls that it looks through show that it was moved."""
     matcher, maps, _ = corridor(3.0, 1)
     ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(LASER.angles))
     ask = Request(np.array([5.0, 5.0, 0.0]), np.array([5.0, 5.0, 0.0]), np.full(3, 1e-3), np.full(3, 1e3),
                   np.array([0.2, 0.3]))
-    row, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict)
+    row, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict, STILL)
     assert slip == found and row[:3] == pytest.approx([5.0, 5.0, 0.0])
 
 
@@ -121,11 +124,23 @@ def test_evidence_of_consecutive_scans_for_a_slip_adds_up():
         rival, found = None, []
         for heading in headings:
             reading = seen(0.0, 3.0, few, heading)
-            row, slip, rival = matcher.track(maps, 0, reading, ask, False, 1.0, conflict, rival)
+            row, slip, rival = matcher.track(maps, 0, reading, ask, False, 1.0, conflict, STILL, rival)
             found.append((slip, round(float(row[2]), 1)))
         return found
-    assert follow(true, true) == [(NO_SLIP, 0.0), (SLIP, round(true, 1))]
-    assert follow(true, 0.0, true) == [(NO_SLIP, 0.0)] * 3          # a scan without a slip ends the evidence
+    assert follow(true, true) == [(DOUBTFUL, 0.0), (SLIP, round(true, 1))]
+    # a scan without a slip ends the evidence
+    assert follow(true, 0.0, true) == [(DOUBTFUL, 0.0), (NO_SLIP, 0.0), (DOUBTFUL, 0.0)]
+
+
+@pytest.mark.parametrize("still, found", [(1.0, LARGE_SLIP), (0.05, DOUBTFUL), (0.0, DOUBTFUL)])
+def test_a_robot_that_drives_on_has_not_turned_on_the_spot(still, found):
+    """Where a person hides all walls, a scan fits best wherever the robot looks at other ones."""
+    matcher, maps, _ = corridor(3.0, 1)
+    few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+    _, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, -math.radians(35.0)), ask, False, 1.0,
+                               lambda pose: NO_CONFLICT, still)
+    assert slip == found
 
 
 def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():

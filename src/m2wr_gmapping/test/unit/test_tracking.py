@@ -222,14 +222,14 @@ def hall_ranges(pose, angles, segments=HALL):
     return np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf).min(axis=1)
 
 
-def run(laser, truth, odom, segments=HALL, seed=2, **parameters):
+def run(laser, truth, odom, segments=HALL, seed=2, period=0.1, **parameters):
     """A mapper after scans at the true poses (K, 3), with the poses (K, 3) of odometry."""
     mapper = Mapper(GmappingConfig.from_mapping(dict(dict(
         particles=4, maxUrange=10.0, linearUpdate=0.4, angularUpdate=0.4), **parameters)), laser)
     rng = np.random.default_rng(seed)
     for k, (pose, wheels) in enumerate(zip(truth, odom)):
         ranges = hall_ranges(pose, laser.angles, segments) + rng.normal(0.0, 0.01, len(laser.angles))
-        mapper.process(mapper.reading(ranges), wheels, 0.1 * k)
+        mapper.process(mapper.reading(ranges), wheels, period * k)
     return mapper
 
 
@@ -242,12 +242,12 @@ def path_along(steps, start=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize("degrees", [100, -130, 160, 180])
 def test_robot_turned_without_odometry_is_found_again(laser, degrees):
-    """It has seen the hall in a turn on the spot; then it is turned, and drives on."""
+    """It has seen the hall in a turn on the spot; then it is turned, stands for two seconds, and drives on."""
     told = [[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.0]] * 6 + [[0.05, 0.0, 0.0]] * 12
     steps = [list(step) for step in told]
     steps[36][2] = math.radians(degrees)
     truth = path_along(steps)
-    mapper = run(laser, truth, path_along(told))
+    mapper = run(laser, truth, path_along(told), period=0.3)
     error = between(truth[-1], mapper.pose)
     assert np.hypot(error[0], error[1]) < 0.05 and abs(error[2]) < 0.02
     mapper.close()

@@ -34,7 +34,8 @@ KEPT = {
         "SHIFT MASK UNIT QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
         "MATCH_SETTINGS POSE SCORE LOG_LIKELIHOOD FOUND COST INFORMATION RESULT_SIZE LANES PAIR_ROWS".split(),
         "indices and layout"),
-    "frontend/matcher.py": {"NO_SLIP": "names of results", "SLIP": "", "LARGE_SLIP": "", "UNEXPLAINED": ""},
+    "frontend/matcher.py": {"NO_SLIP": "names of results", "DOUBTFUL": "", "SLIP": "", "LARGE_SLIP": "",
+                            "UNEXPLAINED": ""},
     "frontend/scan.py": {"FARTHEST": "limit of input", "TILT_TOLERANCE": "limit of input"},
     "frontend/track.py": dict.fromkeys(
         "DISTANCE ROTATION DRIFT MOUNT_X MOUNT_Y MOUNT_YAW PARAMETERS TRACK_SIZE CALIBRATION_SIZE NOISE_SIZE "

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.backend import place_search, turned_path
 from m2wr_gmapping.backend.loop_graph import distances_along
 from m2wr_gmapping.config import GmappingConfig
@@ -19,6 +20,7 @@ from wall_ranges import ranges
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 8.0)
 HALF, BEGIN, PLAIN, END = 1.1, -40.0, 16.0, 90.0        # half width of the corridor; it is plain from PLAIN to END [m]
 START, PLACE, STEP, MISSING = -35.0, 30.0, 0.1, 10      # of the drive, of the turn [m]; number of missing scans
+STILL = tuning.TURNS.half_turn      # time in which somebody can turn the robot [s]
 
 
 def corridor(rng):
@@ -181,10 +183,11 @@ def test_frequent_slips_beside_frequent_gaps_are_no_turn(slips, allowed):
     for k in range(300):
         stamp += 0.2 if k % 10 == 9 else 0.1
         gaps.add(stamp)
-        gaps.allow_turn(k < slips)
+        gaps.allow_turn(k < slips, STILL)
         gaps.restart()
     gaps.add(stamp + 0.2)
-    assert gaps.allow_turn(True) == allowed
+    assert gaps.allow_turn(True, STILL) == allowed
+    assert not gaps.allow_turn(True, 0.9 * STILL)
 
 
 @pytest.mark.parametrize("carried", [False, True])

@@ -15,6 +15,7 @@ from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, NO_CONFLICT, Conflict
+from m2wr_gmapping.frontend.standstill import turn_cost
 from m2wr_gmapping.se2 import between, compose
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ BASIN = np.array(tuning.MATCHING.basin)      # [m, rad]
 WINDOW_MOST = np.array(tuning.MATCHING.search_most)
 NO_PRIOR = np.array([math.inf, math.inf])
 TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
-NO_SLIP, SLIP, LARGE_SLIP, UNEXPLAINED = 0, 1, 2, 3
+NO_SLIP, DOUBTFUL, SLIP, LARGE_SLIP, UNEXPLAINED = range(5)
 
 
 class Beams(Protocol):
@@ -159,7 +160,7 @@ class FastMatcher:
         return row
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool, share: float,
-              conflict: Callable[[FloatArray], Conflict],
+              conflict: Callable[[FloatArray], Conflict], still: float,
               rival: Optional[Rival] = None) -> Tuple[FloatArray, int, Optional[Rival]]:
         """Match in the map of one particle, and detect slip of odometry.
 
@@ -188,6 +189,8 @@ class FastMatcher:
             Score per beam that is expected without a slip, from 0 to 1.
         conflict : callable
             Returns for a pose the end points that conflict with older scans; see ``occlusion``.
+        still : float
+            Time in which the wheels stood still and the robot may have been turned [s].
         rival : Rival, optional
             That of the scan before, moved by odometry.
 
@@ -196,8 +199,8 @@ class FastMatcher:
         row : (13,) float64
             Result row.
         slip : int
-            NO_SLIP, SLIP, LARGE_SLIP for a rotation far from odometry, or UNEXPLAINED if no slip explains the scan, and
-            older scans contradict its match as clearly as a slip is improbable.
+            NO_SLIP, SLIP, or LARGE_SLIP for a rotation far from odometry. If no slip explains a doubtful match:
+            UNEXPLAINED if older scans contradict it as clearly as a slip is improbable, otherwise DOUBTFUL.
         rival : Rival or None
             For the next scan.
         """
@@ -220,19 +223,17 @@ class FastMatcher:
         if not (doubtful or is_lost):
             return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
-        best, slip = best + contradiction, NO_SLIP
+        best, slip = best + contradiction, DOUBTFUL
         rival = self._slipped(maps, particle, reading, ask, row, best, 0.0 if doubtful else good, conflict, rival)
         if rival is not None and rival.evidence > tuning.SLIPS.cost:
             row, best, slip, rival = rival.row, rival.cost + tuning.SLIPS.cost, SLIP, None
         if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
-            # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
-            directions = 1.0 if is_lost else math.pi / np.minimum(WINDOW_MOST, ask.window)[1]
-            least_cost = best - tuning.SLIPS.cost - math.log(directions)
-            turned = self._turned(maps, particle, reading, ask.expected, conflict, least_cost,
-                                  max(MOST_CONFLICT, 0.5 * denied.share))
+            directions = math.pi / np.minimum(WINDOW_MOST, ask.window)[1]       # the more are tried, the more is needed
+            turned = self._turned(maps, particle, reading, ask.expected, conflict, best - math.log(directions),
+                                  max(MOST_CONFLICT, 0.5 * denied.share), still)
             if turned is not None:
                 return turned, LARGE_SLIP, None
-            if not slip and contradiction > tuning.SLIPS.cost:
+            if slip == DOUBTFUL and contradiction > tuning.SLIPS.cost:
                 slip = UNEXPLAINED
         return row, slip, rival
 
@@ -269,20 +270,23 @@ class FastMatcher:
 
     def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
                 conflict: Callable[[FloatArray], Conflict], least_cost: float,
-                most_conflict: float) -> Optional[FloatArray]:
-        """Return the best match of a robot that has turned on the spot by any angle, or None if no pose is consistent.
+                most_conflict: float, still: float) -> Optional[FloatArray]:
+        """Return the best match of a robot that has turned on the spot, or None if no pose is consistent.
 
         Many rooms look alike after a quarter or half a turn, so each sector of directions has a candidate. Its cost
-        must be below ``least_cost`` and its conflict at most ``most_conflict``.
+        with that of the turn must be below ``least_cost``, and its conflict at most ``most_conflict``.
         """
         found, good = None, tuning.MATCHING.good_share * reading.beams.shape[1]
         deviations = TURN_WINDOW / tuning.DRIFT.deviations
         variances = np.square(deviations)[[0, 0, 1]]
         for k in range(tuning.SLIPS.sectors):
-            centre = expected + [0.0, 0.0, 2.0 * math.pi * k / tuning.SLIPS.sectors]
+            angle = 2.0 * math.pi * k / tuning.SLIPS.sectors
+            if turn_cost(max(0.0, min(angle, 2.0 * math.pi - angle) - TURN_WINDOW[1]), still) >= least_cost:
+                continue
+            centre = expected + [0.0, 0.0, angle]
             begin = self.search(maps, particle, reading, centre, TURN_WINDOW, deviations)
             row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
-            cost = tk.cost_of(row, centre, variances)[0]
+            cost = tk.cost_of(row, centre, variances)[0] + turn_cost(between(expected, row[:3])[2], still)
             if cost >= least_cost or row[mk.SCORE] < good:
                 continue
             against = conflict(row[:3])

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
-from m2wr_gmapping.frontend.matcher import LARGE_SLIP, SLIP, UNEXPLAINED
+from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
 from m2wr_gmapping.frontend.track import (
     REQUEST_SIZE,
     calibration_of,
@@ -55,6 +55,8 @@ class Tracker:
         Whether since the last processed scan the pose was found in all directions, far from odometry.
     is_unexplained : bool
         Whether older scans contradict the newest one, and no pose that was tried explains it.
+    agrees : bool
+        Whether odometry and older scans agree on the newest matched scan.
     """
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
@@ -62,6 +64,7 @@ class Tracker:
         self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
         self._ask = np.zeros(REQUEST_SIZE)
         self.has_turned = self.is_unexplained = False
+        self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
 
@@ -144,7 +147,7 @@ class Tracker:
         return known
 
     def match(self, maps: TileMaps, particle: int, anchor: FloatArray, reading: ScanReading,
-              conflict: Callable[[FloatArray], Conflict]) -> bool:
+              conflict: Callable[[FloatArray], Conflict], still: float) -> bool:
         """Match a scan in the map of one particle.
 
         Parameters
@@ -159,6 +162,8 @@ class Tracker:
             The scan.
         conflict : callable
             As of ``FastMatcher.track``.
+        still : float
+            Time in which the wheels stood still since the last scan that ``agrees`` [s].
 
         Returns
         -------
@@ -168,14 +173,16 @@ class Tracker:
         track, ask = self.track, request_of.py_func(self._ask)
         if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
+            self.agrees = False
             return False
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
         long = tk.expect(self._track, self._noise, anchor, self._ask)
-        row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, rival)
+        row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
+                                                     rival)
         self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
         self.has_turned |= slip == LARGE_SLIP
-        self.is_unexplained = slip == UNEXPLAINED
+        self.is_unexplained, self.agrees = slip == UNEXPLAINED, slip == NO_SLIP
         tk.accept_match(self._track, self._noise, anchor, row, slip in (SLIP, LARGE_SLIP),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMAT = "m2wr_gmapping state"
-VERSION = 11                        # increased if the meaning of a stored name changes
+VERSION = 12                        # increased if the meaning of a stored name changes
 PICKLES = b"m2wr_gmapping state\n"  # first bytes of files up to version 4
 MOST_FILE = 1 << 30                 # [byte]
 MOST_UNPACKED = 1 << 30             # of all members together [byte]

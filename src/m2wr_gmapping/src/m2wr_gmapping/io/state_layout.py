@@ -88,11 +88,12 @@ LOOPS = Part({
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
-    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "_ask", "is_unexplained", "_rival"))
+    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "_ask", "is_unexplained", "agrees", "_rival"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
-    "surprise": REAL, "longest": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT,
-    "_slips": COUNT})
+    "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
+STANDSTILL = Part({
+    "longest": REAL, "unexplained": REAL, "_scans": COUNT, "_time": REAL, "_motion": Array("float64", "2 2")})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
@@ -100,7 +101,7 @@ _MAPPER: Dict[str, Union[Kind, Part]] = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
-    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS}
+    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL}
 _MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
 
 
