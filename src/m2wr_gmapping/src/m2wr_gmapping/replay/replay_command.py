@@ -15,7 +15,6 @@ import yaml
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
-from m2wr_gmapping.heap_memory import use_one_heap
 from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.io.saved_map_reader import MapReadingError
@@ -35,6 +34,7 @@ from m2wr_gmapping.scan_account import (
     SETTLING,
     THROTTLED,
 )
+from m2wr_node.heap_memory import use_one_heap
 from m2wr_node.numbers import number
 
 if TYPE_CHECKING:

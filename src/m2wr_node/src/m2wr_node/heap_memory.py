@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Limits the memory of the mapper's process to what the map needs.
+"""Limits the memory of a process to what it uses at the time.
 
-A map consists of thousands of small arrays and a few large ones. glibc creates a heap for each thread (at most eight
-per core), and free space in one heap is not used by other threads. Large arrays are outside the heaps, but only if
-they are larger than the largest one freed so far. So after some maps the large arrays lie between small ones, and each
-heap keeps its greatest size.
+A map, for example, consists of thousands of small arrays and a few large ones. glibc creates a heap for each thread (at
+most eight per core), and free space in one heap is not used by other threads. Large arrays are outside the heaps, but
+only if they are larger than the largest one freed so far. So after some maps the large arrays lie between small ones,
+and each heap keeps its greatest size.
 """
 from __future__ import annotations
 
