@@ -117,8 +117,9 @@ def test_no_cycle_of_packages():
     assert not cycle(edges), " -> ".join(cycle(edges))
 
 
-def test_the_foundation_depends_on_no_other_package():
-    package = next(package for package in PACKAGES if package.name == "m2wr_node")
+@pytest.mark.parametrize("name", ["m2wr_files", "m2wr_node"])
+def test_the_foundation_depends_on_no_other_package(name):
+    package = next(package for package in PACKAGES if package.name == name)
     assert not (declared(package) | set(needed(package))) & NAMES
 
 

@@ -16,8 +16,9 @@ import rospy
 from PIL import Image
 from sensor_msgs.msg import LaserScan
 
+from m2wr_files import state_file
 from m2wr_gmapping.config import ConfigError, GmappingConfig
-from m2wr_gmapping.io import saved_map_reader, state_file
+from m2wr_gmapping.io import saved_map_reader
 from m2wr_gmapping.replay import bag_messages
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_sdf
@@ -221,8 +222,10 @@ def test_bags(tmp_path, compression, whole):
     (lambda n: {}, lambda n: {"cells": np.zeros(300 * n, np.int8)})],
     ids=["list", "names", "text", "tables", "array"])
 def test_states(tmp_path, document, arrays):
+    kind = state_file.Format("a state", 1, "a program", "nothing")
+
     def make(length):
         path = str(tmp_path / ("%d.state" % length))
-        state_file.write(path, document(length), arrays(length))
+        state_file.write(path, kind, document(length), arrays(length))
         return path
-    check_growth(state_file.read, make, 5000)
+    check_growth(lambda path: state_file.read(path, kind), make, 5000)

@@ -67,6 +67,7 @@ RULES = (
     Rule("m2wr_node/kernel*.py", {"numba", "numpy"}, False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_node/internals/*.py", ANYTHING, True, False, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_files/*.py", {"numpy"}, False, True, ("m2wr_[!f]*", "motion_plan")),
     Rule("m2wr_nodelet/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_lockstep/server/ros/*.py", ANYTHING, True, False, ABOVE_LOCKSTEP),
     Rule("m2wr_lockstep/client/controller.py", ANYTHING, True, False, ABOVE_LOCKSTEP),

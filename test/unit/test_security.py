@@ -5,7 +5,7 @@ import re
 
 import workspace_tree as tree
 from m2wr_campaign.study import fields
-from m2wr_gmapping.io import state_file, state_types
+from m2wr_files import state_file, state_types
 from m2wr_sim.model.mesh import files as mesh_files
 from m2wr_sim.model.mesh import shapes as mesh_shapes
 from m2wr_sim.model.xml import lenient as lenient_xml
@@ -25,7 +25,7 @@ EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
 ALLOWED = {"m2wr_node/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
            "m2wr_campaign/study/fields.py": "yaml.load(",
-           "m2wr_gmapping/io/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
+           "m2wr_files/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
 
 
 def test_the_tables_limits_are_those_of_the_code():

@@ -11,8 +11,8 @@ import pytest
 import yaml
 from PIL import Image
 
+from m2wr_files.atomic_files import PREFIX, write_atomically
 from m2wr_gmapping.io import map_file
-from m2wr_gmapping.io.atomic_files import PREFIX, write_atomically
 
 MOST_CALLS = 1000
 

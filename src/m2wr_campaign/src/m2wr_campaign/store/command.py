@@ -9,7 +9,7 @@ from typing import List, Optional
 
 from m2wr_campaign.store.result_file import ResultFile, StoreError
 from m2wr_campaign.store.table_export import export
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterator, List
 
 from m2wr_campaign.store.result_file import StoreError
 from m2wr_campaign.store.schema import RUN_NAMES
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 
 if TYPE_CHECKING:
     from m2wr_campaign.store.result_file import ResultFile

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Iterable, Iterator, List, Optional, Sequence
 
 import numpy as np
 
-from m2wr_gmapping.io.atomic_files import Part, remove_stale, write_atomically
+from m2wr_files.atomic_files import Part, remove_stale, write_atomically
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Saving and loading of a mapper's state, so that a run continues with the same results.
 
-See ``state_file`` for the container and ``state_layout`` for the attributes. The stored values are checked and then
-assigned to a new mapper. A file cannot run code or cause access outside an array.
+See ``m2wr_files.state_file`` for the container and ``state_layout`` for the attributes. The stored values are checked
+and then assigned to a new mapper. A file cannot run code or cause access outside an array.
 """
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
+from m2wr_files import state_file
+from m2wr_files.state_file import StateError
+from m2wr_files.state_store import KindError, Store
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
-from m2wr_gmapping.io import state_file, state_layout
+from m2wr_gmapping.io import state_layout
 from m2wr_gmapping.io.saved_map import SavedMapOccupancy
-from m2wr_gmapping.io.state_file import StateError
-from m2wr_gmapping.io.state_store import KindError, Store
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
@@ -103,7 +104,7 @@ def save(path: str, taken: Snapshot) -> None:
     StateError
         If the file cannot be written.
     """
-    state_file.write(path, taken.document, taken.arrays)
+    state_file.write(path, state_layout.FORMAT, taken.document, taken.arrays)
 
 
 def load(path: str, live: Optional[GmappingConfig] = None) -> State:
@@ -120,7 +121,7 @@ def load(path: str, live: Optional[GmappingConfig] = None) -> State:
     StateError
         If the file is missing, damaged, of another version, or no state.
     """
-    document, arrays = state_file.read(path)
+    document, arrays = state_file.read(path, state_layout.FORMAT)
     try:
         config, differing = _config(document.get("config"), live)
         return State(_mapper(config, Store(_plain(document.get("values"), "values"), arrays)),

@@ -7,6 +7,9 @@ from typing import Any, Dict, Union
 
 import numpy as np
 
+from m2wr_files.state_file import Format
+from m2wr_files.state_store import Kind, KindError
+from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
@@ -16,10 +19,11 @@ from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.frontend.view_memory import SECTORS
 from m2wr_gmapping.io.saved_map import MapReading, SavedMap
-from m2wr_gmapping.io.state_store import Kind, KindError
-from m2wr_gmapping.io.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
 
+#: The version is increased if the meaning of a stored name changes.
+FORMAT = Format(name="m2wr_gmapping state", version=12, program="slam_gmapping",
+                instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
 COUNT, REAL, YES = Number(int, 0), Number(float), Number(bool)

@@ -17,12 +17,12 @@ import rospy
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
+from m2wr_files.safe_paths import OutsideError, confined
 from m2wr_gmapping.config import ConfigError
 from m2wr_gmapping.frontend.mount_check import MountCheck
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import map_file, state
 from m2wr_gmapping.io.initial_state import InitialState
-from m2wr_gmapping.io.safe_paths import OutsideError, confined
 from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass

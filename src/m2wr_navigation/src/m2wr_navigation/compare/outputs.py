@@ -8,7 +8,7 @@ import os
 import tempfile
 from typing import Any
 
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 
 
 def check_writable(path: str) -> None:

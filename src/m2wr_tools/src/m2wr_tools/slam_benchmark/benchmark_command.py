@@ -17,7 +17,7 @@ import tempfile
 from collections import OrderedDict
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 from m2wr_tools.slam_benchmark import (
     benchmark_table,
     difficulty_table,

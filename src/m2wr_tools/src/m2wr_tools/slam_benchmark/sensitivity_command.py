@@ -25,8 +25,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Dict, List, Optional, Sequence, Set, Tuple
 
+from m2wr_files.atomic_files import write_atomically
 from m2wr_gmapping import tuning
-from m2wr_gmapping.io.atomic_files import write_atomically
 from m2wr_node import kernel
 from m2wr_tools.slam_benchmark import benchmark_command as benchmark
 from m2wr_tools.slam_benchmark import laser_logs, log_details, sensitivity_run, sensitivity_table, trajectory_errors

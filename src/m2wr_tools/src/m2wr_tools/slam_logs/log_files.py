@@ -14,7 +14,7 @@ import rospy
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 from m2wr_tools.slam_benchmark.laser_logs import EPOCH, planar_transform
 from m2wr_tools.slam_logs.sensing import MOUNT, RANGE_MIN
 

@@ -14,18 +14,16 @@ import stat
 import struct
 import zipfile
 import zlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Dict, List, Mapping, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-FORMAT = "m2wr_gmapping state"
-VERSION = 12                        # increased if the meaning of a stored name changes
-PICKLES = b"m2wr_gmapping state\n"  # first bytes of files up to version 4
 MOST_FILE = 1 << 30                 # [byte]
 MOST_UNPACKED = 1 << 30             # of all members together [byte]
 MOST_JSON = 1 << 20                 # of state.json [byte]
@@ -43,6 +41,33 @@ _TYPES = {np.dtype(name).newbyteorder("<").str: np.dtype(name) for name in DTYPE
 
 class StateError(ValueError):
     """A state file cannot be written or used; says which one and why."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """What the states of one program have in common.
+
+    Attributes
+    ----------
+    name : str
+        Stored in each state. A file that begins with it and a line break is a pickle of an old version.
+    version : int
+        Stored in each state; no other version is read.
+    program : str
+        Name of the program, for messages.
+    instead : str
+        What the user can do with a state of an old version, for messages.
+    """
+
+    name: str
+    version: int
+    program: str
+    instead: str
+
+    @property
+    def wanted(self) -> str:
+        """What is expected of a file, for messages."""
+        return "expected a state that {} saved".format(self.program)
 
 
 class _Parts:
@@ -67,12 +92,13 @@ class _Parts:
         pass
 
 
-def write(path: str, document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+def write(path: str, kind: Format, document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a state atomically.
 
     Parameters
     ----------
     path : str
+    kind : Format
     document : dict
         Content of ``state.json``; ``format`` and ``version`` are added.
     arrays : dict of str to ndarray
@@ -83,7 +109,7 @@ def write(path: str, document: Mapping[str, Any], arrays: Mapping[str, NDArray[A
     StateError
         If the file cannot be written.
     """
-    document = dict(document, format=FORMAT, version=VERSION)
+    document = dict(document, format=kind.name, version=kind.version)
     stream = _Parts()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr(_JSON, json.dumps(document, indent=1))
@@ -98,8 +124,20 @@ def write(path: str, document: Mapping[str, Any], arrays: Mapping[str, NDArray[A
             path, error.strerror or error)) from error
 
 
-def read(path: str) -> Tuple[Dict[str, Any], Dict[str, NDArray[Any]]]:
-    """Return the document (dict) and the arrays (dict of str to ndarray, each with memory of its own) in a file.
+def read(path: str, kind: Format) -> Tuple[Dict[str, Any], Dict[str, NDArray[Any]]]:
+    """Return the document and the arrays in a file.
+
+    Parameters
+    ----------
+    path : str
+    kind : Format
+        The expected one.
+
+    Returns
+    -------
+    document : dict
+    arrays : dict of str to ndarray
+        Each with memory of its own.
 
     Raises
     ------
@@ -107,11 +145,11 @@ def read(path: str) -> Tuple[Dict[str, Any], Dict[str, NDArray[Any]]]:
         If the file is missing, no state, damaged, of another version or too large.
     """
     try:
-        with _opened(path) as stream:
-            _check_ends(stream)
+        with _opened(path, kind) as stream:
+            _check_ends(stream, kind)
             with zipfile.ZipFile(stream) as archive:
-                members = _members(archive)
-                document = _document(archive, members)
+                members = _members(archive, kind)
+                document = _document(archive, members, kind)
                 arrays = {name[:-4]: _array(archive, info) for name, info in members.items() if name != _JSON}
     except StateError as error:
         raise StateError("{}: {}".format(path, error)) from error
@@ -125,29 +163,31 @@ def read(path: str) -> Tuple[Dict[str, Any], Dict[str, NDArray[Any]]]:
     return document, arrays
 
 
-def _opened(path: str) -> BinaryIO:
+def _opened(path: str, kind: Format) -> BinaryIO:
     """Open a regular file; reading a pipe or device could block."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | getattr(os, "O_CLOEXEC", 0))
     found = os.fstat(descriptor)
     if not stat.S_ISREG(found.st_mode):
         os.close(descriptor)
-        raise StateError("is no regular file; expected a state that slam_gmapping saved")
+        raise StateError("is no regular file; {}".format(kind.wanted))
     if found.st_size > MOST_FILE:
         os.close(descriptor)
         raise StateError("{} bytes; expected at most {}".format(found.st_size, MOST_FILE))
     return os.fdopen(descriptor, "rb")
 
 
-def _check_ends(stream: BinaryIO) -> None:
+def _check_ends(stream: BinaryIO, kind: Format) -> None:
     """Raise StateError unless a file begins and ends as an archive with few members does."""
-    begin = stream.read(len(PICKLES) + 1000)
-    if begin.startswith(PICKLES):
+    pickles = kind.name.encode() + b"\n"
+    begin = stream.read(len(pickles) + 1000)
+    if begin.startswith(pickles):
         found = re.search(rb'"version": ?([0-9]{1,5})', begin)
         raise StateError("a state of {}: it is a pickle, which can run code when it is read, and is not read any more. "
-                         "This program reads version {} only: map the bag again, or start on the saved map".format(
-                             "version " + found.group(1).decode() if found else "an old version", VERSION))
+                         "This program reads version {} only: {}".format(
+                             "version " + found.group(1).decode() if found else "an old version", kind.version,
+                             kind.instead))
     if not begin.startswith(b"PK\3\4"):
-        raise StateError("begins with {!r}; expected a state that slam_gmapping saved".format(begin[:20]))
+        raise StateError("begins with {!r}; {}".format(begin[:20], kind.wanted))
     size = stream.seek(0, os.SEEK_END)
     if size < 2 * _END_SIZE:
         raise StateError("the file is damaged or cut off: {} bytes".format(size))
@@ -162,7 +202,7 @@ def _check_ends(stream: BinaryIO) -> None:
     stream.seek(0)
 
 
-def _members(archive: zipfile.ZipFile) -> Dict[str, zipfile.ZipInfo]:
+def _members(archive: zipfile.ZipFile, kind: Format) -> Dict[str, zipfile.ZipInfo]:
     """Return the archive's members by name, after a check of their declared sizes."""
     members: Dict[str, zipfile.ZipInfo] = {}
     total = 0
@@ -177,7 +217,7 @@ def _members(archive: zipfile.ZipFile) -> Dict[str, zipfile.ZipInfo]:
     if total > MOST_UNPACKED:
         raise StateError("{} bytes when unpacked; expected at most {}".format(total, MOST_UNPACKED))
     if _JSON not in members:
-        raise StateError("no member {}; expected a state that slam_gmapping saved".format(_JSON))
+        raise StateError("no member {}; {}".format(_JSON, kind.wanted))
     return members
 
 
@@ -187,7 +227,7 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _document(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) -> Dict[str, Any]:
+def _document(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo], kind: Format) -> Dict[str, Any]:
     info = members[_JSON]
     if info.file_size > MOST_JSON:
         raise StateError("{}: {} bytes; expected at most {}".format(_JSON, info.file_size, MOST_JSON))
@@ -198,11 +238,11 @@ def _document(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) 
         if depth > MOST_DEPTH:
             raise StateError("{}: nested more than {} deep".format(_JSON, MOST_DEPTH))
     document = json.loads(text.decode("utf-8"), parse_int=_whole)
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise StateError("{}: expected a state that slam_gmapping saved".format(_JSON))
-    if document.get("version") != VERSION:
+    if not isinstance(document, dict) or document.get("format") != kind.name:
+        raise StateError("{}: {}".format(_JSON, kind.wanted))
+    if document.get("version") != kind.version:
         raise StateError("a state of version {!r:.20}; this program reads version {} only".format(
-            document.get("version"), VERSION))
+            document.get("version"), kind.version))
     return document
 
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, 
 
 import numpy as np
 
-from m2wr_gmapping.io.state_store import Kind, KindError, ListKind, Sizes, Store
+from m2wr_files.state_store import Kind, KindError, ListKind, Sizes, Store
 
 if TYPE_CHECKING:
     from numpy.typing import DTypeLike, NDArray
 
 MOST = 1e12         # no length, angle, time or weight in a state is greater
-MOST_ITEMS = 2000000    # of a list: scans of two weeks, one every half second
+MOST_ITEMS = 2000000    # of a list: two weeks, one every half second
 
 
 class Number(ListKind):
@@ -344,7 +344,7 @@ class Part:
     ----------
     stored : dict of str to Kind or Part
     made : tuple of str
-        Attributes that follow from parameters and laser, or from the stored ones.
+        Attributes that follow from parameters, or from the stored ones.
     """
 
     def __init__(self, stored: Mapping[str, Union[Kind, Part]], made: Tuple[str, ...] = ()) -> None:

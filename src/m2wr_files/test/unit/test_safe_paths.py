@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from m2wr_gmapping.io.safe_paths import OutsideError, confined
+from m2wr_files.safe_paths import OutsideError, confined
 
 
 @pytest.fixture

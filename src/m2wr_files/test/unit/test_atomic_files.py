@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_files.atomic_files import write_atomically
 
 
 def listing(folder):

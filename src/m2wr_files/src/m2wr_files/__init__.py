@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files that are complete or unchanged, confined to a folder, and checked when read; imports no other package."""
