@@ -65,6 +65,7 @@ RULES = (
     Rule("m2wr_tools/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_node/kernel*.py", {"numba", "numpy"}, False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_node/array_types.py", {"numpy"}, False, True, ("m2wr_*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_node/internals/*.py", ANYTHING, True, False, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_files/*.py", {"numpy"}, False, True, ("m2wr_[!f]*", "motion_plan")),

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 MODES = ("trinary", "scale", "raw")
 

@@ -18,8 +18,8 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint import placed
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 BODY = 0.2              # m: disc drawn for a robot that does not get on; the costmap inflates it
 DETOUR_OCCUPANCY = 50   # of a cell around a robot that waits: it becomes making_room's COST in a costmap

@@ -18,8 +18,8 @@ from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 PARAMETERS: Dict[str, Parameter] = {
     "robot_radius": Parameter(0.0, "m", 0.0, 10.0, "radius of the disc in which the robot can turn, not less than "

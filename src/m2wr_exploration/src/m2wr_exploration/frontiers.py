@@ -16,7 +16,7 @@ from m2wr_navigation.planners import wave_kernels
 from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int8Array, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Int8Array, Int32Array, Uint8Array
 
 NEAR = 1.0                  # m: the search begins at the nearest passable cell, at most this far from the robot
 RAYS = 180                  # of a simulated look: every second degree, as the laser of a small robot

@@ -12,8 +12,8 @@ from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 
 if TYPE_CHECKING:
     from m2wr_exploration.frontiers import Frontier
-    from m2wr_gmapping.array_types import FloatArray, Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray, Uint8Array
 
 AROUND = 1.0        # m around a frontier in which the map counts
 CHANGED = 0.2       # share of the unknown cells there by which the map has to change

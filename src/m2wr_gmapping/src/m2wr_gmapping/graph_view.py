@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Callable, Optional
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
     from m2wr_gmapping.mapper import Mapper
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
 
 FARTHEST = 1e9              # greatest coordinate of a node [m]
 LARGEST = 1 << 28           # of a file [bytes]: some million nodes

@@ -32,11 +32,11 @@ from m2wr_gmapping.workers import Workers
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
     from m2wr_gmapping.io.saved_map import SavedMap
+    from m2wr_node.array_types import FloatArray
 
 LEVEL = (0.0, 0.0)
 FARTHEST_ODOMETRY = 1e9     # limit of coordinates: differences of larger ones lose precision [m]

@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 SILENT = 0.5                # s without a message after which tf is asked, as of a laser that stops
 WINDOW = 0.3                # s over which tf's poses give a velocity: a few periods of 10 to 50 Hz

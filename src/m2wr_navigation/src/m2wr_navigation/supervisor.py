@@ -12,10 +12,10 @@ import numpy as np
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Command, Controller, Situation
     from m2wr_navigation.planners.planner import Plan
     from m2wr_navigation.recoveries.recovery import Recovery, SpeedLimit
+    from m2wr_node.array_types import FloatArray
 
 PARAMETERS: Dict[str, Parameter] = {
     "base_global_planner": text("navfn/NavfnROS", "planner of paths over the whole map", True),

@@ -21,9 +21,9 @@ from motion_plan.pose_history import PoseHistory
 from motion_plan.surroundings import axle_of
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.best_path.candidates import Candidate
     from m2wr_navigation.best_path.settings import Settings
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_sim.api.records import Odometry, Scan
 
 SIZE = 40.0                 # m: side of the surveyed square

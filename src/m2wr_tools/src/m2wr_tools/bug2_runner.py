@@ -23,7 +23,7 @@ from motion_plan.wall_follower import WallFollower
 from motion_plan.wall_guard import WallGuard
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_sim.api.records import Odometry, Scan
     from motion_plan.planar_types import Point, Pose, Regions
 

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_view.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
     from m2wr_view.outlines import Outline
     from m2wr_view.scene import Scene
 

@@ -16,7 +16,7 @@ import numpy as np
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, Outline, slice_from_above, triangle_outlines
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 #: Slope of ground [rad]: on a steeper one a wheel with the usual friction coefficient of 1 slides (Coulomb).
 STEEPEST = math.radians(45.0)

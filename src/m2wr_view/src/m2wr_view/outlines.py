@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_view.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 FLOOR = 0.001           # m; a plate below this height is no obstacle
 ROBOT_HEIGHT = 0.2      # m; higher shapes do not stop m2wr

@@ -27,7 +27,7 @@ from m2wr_view.run_picture import (
 from m2wr_view.shapes import colours_of, draw_robot, draw_team, polyline, rgb, star, trace_outline, triangle
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray, Int8Array, Uint32Array
+    from m2wr_node.array_types import FloatArray, Int8Array, Uint32Array
     from m2wr_view.layout import View
     from m2wr_view.scene import Scene
     from m2wr_view.solids import Ground

@@ -20,7 +20,7 @@ from m2wr_view.run_picture import OTHER_COLOUR, STATE_COLOURS, draw_path
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.run_log import Drive, RunLog
 
 SIZE = (13.0, 8.6)          # inches

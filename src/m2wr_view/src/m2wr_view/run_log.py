@@ -14,7 +14,7 @@ from m2wr_view.errors import ViewError
 from m2wr_view.frames import yaw_of
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 ODOMETRY, CLOCK, DIAGNOSTICS = "/odom", "/clock", "/diagnostics"
 STATE, HIT, LEAVE, LINE = "/bug2/state", "/bug2/hit_point", "/bug2/leave_point", "/bug2/m_line"

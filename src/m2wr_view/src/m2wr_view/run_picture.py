@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
     from m2wr_view.run_log import Drive, RunLog
 

@@ -15,7 +15,7 @@ from m2wr_view.outlines import M2WR_FOOTPRINT, footprint_distances, point_distan
 from m2wr_view.solids import Solids, read_robot
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
     from m2wr_view.run_log import RunLog
 

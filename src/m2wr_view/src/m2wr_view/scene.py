@@ -15,7 +15,7 @@ from m2wr_view.solids import Solids, ground_of, read_robot
 from m2wr_view.team import JUMP, Team
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import BoolArray, FloatArray, Int8Array
+    from m2wr_node.array_types import BoolArray, FloatArray, Int8Array
     from m2wr_view.frames import Numbers
     from m2wr_view.outlines import Outline
     from m2wr_view.solids import Ground, Robot

@@ -10,7 +10,7 @@ import cairo
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.frames import Numbers
     from m2wr_view.layout import View
     from m2wr_view.outlines import Outline

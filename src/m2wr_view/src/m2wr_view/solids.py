@@ -12,7 +12,7 @@ from m2wr_view.frames import matrix_from_rpy, rotation_of
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline, triangle_outlines
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 _HIGH = float("inf")

@@ -12,7 +12,7 @@ from m2wr_campaign.faults.fault import Fault
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray
+    from m2wr_node.array_types import BoolArray
     from m2wr_sim.api import Scan
 
 

@@ -14,7 +14,7 @@ from m2wr_navigation.compare.page import MARGIN
 from m2wr_navigation.compare.statistics import wilson
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
     Row = Dict[str, Any]
 

@@ -35,9 +35,9 @@ from m2wr_view.outlines import point_distances
 if TYPE_CHECKING:
     from m2wr_campaign.faults.fault import Fault
     from m2wr_campaign.study.factors import RunTask
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.compare.comparison import Decide
     from m2wr_navigation.methods.method import Decision
+    from m2wr_node.array_types import FloatArray
     from m2wr_sim.api import StepResult
 
 KEPT = 64                   # worlds that a worker keeps ready, about 0.2 MB each

@@ -19,7 +19,7 @@ from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import Outline
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
     Row = Dict[str, Any]
 

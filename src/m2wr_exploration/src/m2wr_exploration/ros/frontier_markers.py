@@ -13,7 +13,7 @@ from visualization_msgs.msg import Marker
 if TYPE_CHECKING:
     from m2wr_exploration.explorer import Explorer
     from m2wr_exploration.frontiers import View
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 class FrontierMarkers:

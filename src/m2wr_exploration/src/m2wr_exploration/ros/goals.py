@@ -14,7 +14,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from m2wr_gmapping.ros.message_conversion import pose_message
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 RESULTS = {GoalStatus.SUCCEEDED: "succeeded", GoalStatus.ABORTED: "aborted", GoalStatus.REJECTED: "aborted",
            GoalStatus.PREEMPTED: "preempted", GoalStatus.RECALLED: "preempted", GoalStatus.LOST: "aborted"}

@@ -15,7 +15,7 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.ros.transforms import yaw_of
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MOST_CELLS = 100000000      # of a map
 TELL = 5.0                  # s between two messages about what is missing

@@ -19,8 +19,8 @@ from m2wr_node.numbers import number
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 NODE: Dict[str, Parameter] = {
     "robot_map_topic": text("map", "topic of the map of each robot, in the namespace of the robot"),

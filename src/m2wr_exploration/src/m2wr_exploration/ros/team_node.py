@@ -38,8 +38,8 @@ from m2wr_node.ros.shutdown import at_shutdown, until_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 NODE: Dict[str, Parameter] = {
     "robots": Parameter(2, "", 1, 8, "number of robots"),

@@ -27,7 +27,7 @@ from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.transform_buffer import fault_of
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 WAITING = 20                # scans that wait for their transform
 PATIENCE = 1.0              # s after which such a scan is dropped

@@ -9,7 +9,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 _NO_WAY = 1e9       # m: between two places that are not connected
 

@@ -28,7 +28,7 @@ from m2wr_sim.errors import SimError
 
 if TYPE_CHECKING:
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 RANGE = 9.9                 # m: of m2wr's laser
 ENOUGH = 0.99               # of the reachable area

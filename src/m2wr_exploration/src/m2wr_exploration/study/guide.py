@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from m2wr_exploration.explorer import Teammate
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 HEADINGS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)    # rad: the laser of m2wr sees 180 degrees
 

@@ -18,7 +18,7 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED
 
 if TYPE_CHECKING:
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 EVERY = 16          # cells between two places from which the robot may look
 RAYS = 720

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
     from m2wr_exploration.study.guide import Guide
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
     from m2wr_sim.api import StepResult
     from m2wr_sim.api.records import Odometry, Scan
 

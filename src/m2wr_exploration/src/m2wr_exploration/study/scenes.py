@@ -18,8 +18,8 @@ from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT
 from motion_plan.body import TURNING_RADIUS
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import BoolArray
     from m2wr_sim.model.types import World
 
 #: Generators of buildings, with values that differ from their defaults.

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from m2wr_exploration.strategies.strategy import Strategy
     from m2wr_exploration.study.run import Sight
     from m2wr_exploration.study.scenes import Place
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 APART = 1.5             # m: between two robots at the start; there a third one that drives straight fits between them
 WIDE = 100              # cost above which no robot starts

@@ -12,8 +12,8 @@ from m2wr_navigation.localization.field_kernels import distance_transform
 from m2wr_navigation.planners.wave_kernels import connected
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 
 def passable_from(truth: Costmap, cell: Tuple[int, int]) -> BoolArray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
 
 TAKEN = 0.5         # m: a frontier this near to an assigned one is the same
 

@@ -16,7 +16,7 @@ from m2wr_navigation.parameters import read
 from m2wr_navigation.planners.navfn import Navfn
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 #: m: between the centre of a robot that waits and a path: two half widths of 0.25 m, CLEARANCE of right_of_way, 0.1 m,
 #: and 0.1 m by which robots leave their paths.

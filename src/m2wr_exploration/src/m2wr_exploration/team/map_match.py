@@ -28,8 +28,8 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.localization.field_kernels import distance_transform
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Complex64Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import BoolArray, Complex64Array, FloatArray
 
 COARSE = 0.2                # m: cells of the search
 TURNS = 180                 # rotations of the search

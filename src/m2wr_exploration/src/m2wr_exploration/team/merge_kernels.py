@@ -11,7 +11,7 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Complex64Array, Float32Array, FloatArray, IndexArray, Uint8Array
+    from m2wr_node.array_types import BoolArray, Complex64Array, Float32Array, FloatArray, IndexArray, Uint8Array
 
 
 @kernel

@@ -12,7 +12,7 @@ from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.costmap.costmap import Costmap
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MOST_CELLS = 100000000      # of a merged map
 

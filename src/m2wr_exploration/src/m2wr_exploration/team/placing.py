@@ -21,8 +21,8 @@ from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation.costmap.footprint import placed
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 CHANGED = 2.0               # m^2: by which what is known of two maps has to change until they are compared again
 CHECKED = 0.02              # share by which a placed map and those of its group change until it is checked again

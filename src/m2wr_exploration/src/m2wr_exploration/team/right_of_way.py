@@ -15,7 +15,7 @@ import numpy as np
 from m2wr_exploration.team.sweep_kernels import least_gap, stopping_poses
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 CLEARANCE = 0.1             # m: between two sweeps; two cells of the costmap, in which the other robot is drawn
 BRAKES = np.array([1.0, 3.0])   # m/s^2, rad/s^2: accelerations of the controller, acc_lim_x and acc_lim_theta

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 RADIUS = 0.6        # m: disc about the origin of m2wr that holds its body, and 0.1 m for the error of its pose
 

@@ -21,7 +21,7 @@ from m2wr_navigation.costmap.footprint_kernels import fill_polygon
 
 if TYPE_CHECKING:
     from m2wr_exploration.team.placing import Placing
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MARGIN = 0.1                # m around a body: two cells, for the errors of both maps
 STEP, TURN = 0.1, 0.2       # m, rad: between two poses of a trail

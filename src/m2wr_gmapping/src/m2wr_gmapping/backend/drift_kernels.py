@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 @kernel

@@ -15,9 +15,9 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.tuning import SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.place_search import Scene
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 def opposite_share(scene: Scene, pose: FloatArray, around: IndexArray) -> float:

@@ -23,11 +23,11 @@ from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.loop_graph import Link
     from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 MOST_CONCLUSIONS = 10       # optimisations at the end of a run, should it never come to rest

@@ -11,9 +11,9 @@ from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.tuning import LOOPS, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray
 
 
 class LoopExtension:

@@ -16,10 +16,10 @@ from m2wr_gmapping.se2 import between, compose, wrap
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]

@@ -12,8 +12,8 @@ from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, OCCLUSION, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.place_search import Scene
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> float:

@@ -16,10 +16,10 @@ from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, MATCHING, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.place_search import Scene
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 PROBE_STEP = math.sqrt(NARROW)          # shift by which a match is tested for observability [m]
 RISE = 0.25 * NARROW * (1.0 - LINKS.weight)     # expected rise of the cost there per unit of information, times 1/2

@@ -10,8 +10,8 @@ from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray, Vector
 
 
 def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],

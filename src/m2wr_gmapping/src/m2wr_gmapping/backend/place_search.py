@@ -13,8 +13,8 @@ from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import DRIFT, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array
 
 NEAR_CELL, WIDE_CELL = SEARCH.cells
 MARGIN = 1.0                # of the raster around what can be hit [m]

@@ -12,7 +12,7 @@ from m2wr_gmapping.se2 import wrap
 from m2wr_gmapping.tuning import LOOPS
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 ITERATIONS, MOST_ITERATIONS = 6, 16     # with the final kernel, and together with those in which it narrows
 CONVERGED = 1e-4

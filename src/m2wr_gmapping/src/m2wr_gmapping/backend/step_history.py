@@ -17,7 +17,7 @@ from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import DRIFT
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path

@@ -26,10 +26,10 @@ from m2wr_gmapping.se2 import between, compose, inverse, wrap
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, Uint8Array
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
     from m2wr_gmapping.backend.step_history import Doubt
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import BoolArray, FloatArray, Uint8Array
 
 RIGHT_ANGLES = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
 

@@ -11,7 +11,7 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.se2 import wrap
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 def needed(poses: FloatArray, best: int) -> int:

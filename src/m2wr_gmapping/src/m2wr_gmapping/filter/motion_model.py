@@ -14,7 +14,7 @@ from m2wr_gmapping.se2 import compose
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
 
 
 @dataclass(frozen=True)

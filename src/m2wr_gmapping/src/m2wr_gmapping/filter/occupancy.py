@@ -14,8 +14,8 @@ from m2wr_gmapping.filter.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_sca
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64

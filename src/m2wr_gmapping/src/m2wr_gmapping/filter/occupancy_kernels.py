@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import (
+    from m2wr_node.array_types import (
         BoolArray,
         CountArray,
         Float32Array,

@@ -19,11 +19,11 @@ from m2wr_gmapping.frontend import match_kernels as mk
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
     Matcher = Union[FastMatcher, HillClimbMatcher]
 

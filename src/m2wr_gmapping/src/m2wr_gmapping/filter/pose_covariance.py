@@ -10,7 +10,7 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.se2 import wrap
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 def covariance(poses: FloatArray, weights: FloatArray, best: int) -> FloatArray:

@@ -23,7 +23,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array, Uint16Array
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array, Uint16Array
 
 SHIFT, MASK, CELLS = 4, 15, 256
 UNIT, MOST_HITS = 1.0 / 65535, 255

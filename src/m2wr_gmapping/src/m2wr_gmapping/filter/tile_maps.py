@@ -10,8 +10,8 @@ import numpy as np
 from m2wr_gmapping.filter import tile_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 CELLS_A_SIDE = 1 << kernels.SHIFT
 MARGIN = 2                  # margin of spare tiles around the used ones

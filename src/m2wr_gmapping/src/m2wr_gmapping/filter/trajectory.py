@@ -9,7 +9,7 @@ import numpy as np
 from m2wr_gmapping.filter import tree_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 FIRST_NODES = 1024
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
+    from m2wr_node.array_types import FloatArray, IndexArray, Int32Array
 
 
 @kernel

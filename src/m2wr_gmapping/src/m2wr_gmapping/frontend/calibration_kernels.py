@@ -28,8 +28,8 @@ from m2wr_gmapping.frontend.track import (
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.track import Calibration
+    from m2wr_node.array_types import FloatArray
 
 MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.MATCHING.outlier
 

@@ -14,7 +14,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 BLOCK = 4               # width of a block of offsets that share one bound
 CENTRE, BESIDE, CORNER = 255, 170, 110     # values of an end point's cell and of its neighbours

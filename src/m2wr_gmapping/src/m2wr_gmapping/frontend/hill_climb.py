@@ -10,11 +10,11 @@ from m2wr_gmapping.frontend import hill_climb_kernels as hk
 from m2wr_gmapping.frontend import match_kernels as mk
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.workers import Workers
+    from m2wr_node.array_types import FloatArray
 
 
 class HillClimbMatcher:

@@ -14,7 +14,7 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
+    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
 
 SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535

@@ -15,7 +15,7 @@ from m2wr_gmapping.frontend.pose_kernels import between, compose
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 INFORMATION = 7             # first column of the information in a result row
 NORMAL_VARIANCE, DEPENDENT = tuning.MATCHING.normal_variance, tuning.MATCHING.dependent

@@ -19,12 +19,12 @@ from m2wr_gmapping.frontend.standstill import turn_cost
 from m2wr_gmapping.se2 import between, compose
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Request
     from m2wr_gmapping.workers import Workers
+    from m2wr_node.array_types import FloatArray, Vector
 
 NARROW = tuning.MATCHING.narrow
 SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]

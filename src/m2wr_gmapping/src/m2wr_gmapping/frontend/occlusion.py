@@ -11,8 +11,8 @@ from m2wr_gmapping.frontend.occlusion_kernels import passed_through
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray
 
 MOST_CONFLICT = tuning.OCCLUSION.most_conflict
 

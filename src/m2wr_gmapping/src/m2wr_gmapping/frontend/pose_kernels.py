@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 @kernel

@@ -21,7 +21,7 @@ from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Vector
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, Vector
 
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical

@@ -11,7 +11,7 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray
 
 SPARSE, SPARSE_MOST = tuning.SCANS.sparse
 STRAIGHT, CROOKED = tuning.SCANS.straight

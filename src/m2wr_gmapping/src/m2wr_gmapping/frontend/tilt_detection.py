@@ -10,8 +10,8 @@ import numpy as np
 from m2wr_gmapping import tuning
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray
 
 
 class TiltDetector:

@@ -10,8 +10,8 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.motion_model import MotionNoise
+    from m2wr_node.array_types import FloatArray
 
 #: Components of the calibration: relative error of distance and of rotation, rotation per metre [rad/m], position
 #: of the laser relative to the centre of rotation x, y [m] and its yaw [rad], all as corrections of what is given.

@@ -23,13 +23,13 @@ from m2wr_gmapping.frontend.track import (
 )
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher, Rival
     from m2wr_gmapping.frontend.occlusion import Conflict
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Calibration, Noise, Track
+    from m2wr_node.array_types import FloatArray
 
 
 class Tracker:

@@ -35,8 +35,8 @@ from m2wr_gmapping.frontend.track import (
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.track import Noise, Track
+    from m2wr_node.array_types import FloatArray
 
 COST, INFORMATION = 6, 7
 

@@ -16,11 +16,11 @@ from m2wr_gmapping.se2 import compose
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
     from m2wr_gmapping.io.saved_map import SavedMap
     from m2wr_gmapping.io.state import State
+    from m2wr_node.array_types import FloatArray
 
 SAME = 1e-3         # lasers agree within this [m, rad]
 

@@ -23,7 +23,7 @@ from m2wr_files.atomic_files import Part, remove_stale, write_atomically
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import Int8Array, Uint8Array
+    from m2wr_node.array_types import Int8Array, Uint8Array
 
 log = logging.getLogger(__name__)
 DIGITS = 12             # of the digest in a name

@@ -13,7 +13,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan import ScanReading
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 

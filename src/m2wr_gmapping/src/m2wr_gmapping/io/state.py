@@ -27,8 +27,8 @@ from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_node.array_types import FloatArray
 
 # parameters of the program, not of the map: those of the running program are used
 OWN = ("throttle_scans", "base_frame", "map_frame", "odom_frame", "map_update_interval", "transform_publish_period",

@@ -40,11 +40,11 @@ from m2wr_node.numbers import number
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.mapper import Mapper
     from m2wr_gmapping.replay.scan_source import Transform
     from m2wr_gmapping.ros.replay_node import ReplayNode
+    from m2wr_node.array_types import FloatArray
 
 log = logging.getLogger("slam_gmapping_replay")
 EXPECTED = {EARLY, THROTTLED, SETTLING}         # reasons for unused scans that are no fault

@@ -14,8 +14,8 @@ from m2wr_gmapping.io import map_file, state
 if TYPE_CHECKING:
     import argparse
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.replay.replay_command import Replay
+    from m2wr_node.array_types import FloatArray
 
 NAMES = ("trajectory", "tracked", "online", "graph", "map", "stats", "save_state")       # options that name files
 

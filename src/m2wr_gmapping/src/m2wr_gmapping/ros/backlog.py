@@ -9,8 +9,8 @@ import numpy as np
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.mapper import Mapper
+    from m2wr_node.array_types import FloatArray
 
 SOME, MANY = 0.1, 0.5       # fill level of the queue from which close scans, and all intermediate scans, are skipped
 FEW = 3                     # scans that may wait for transforms without being a backlog

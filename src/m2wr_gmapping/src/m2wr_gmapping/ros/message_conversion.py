@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import genpy
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.occupancy import Grid
+    from m2wr_node.array_types import FloatArray
 
 _COUNT = struct.Struct("<I")
 

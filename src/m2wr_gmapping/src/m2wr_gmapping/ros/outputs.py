@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     import genpy
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.mapper import Mapper, Update
     from m2wr_gmapping.ros.message_conversion import ArrayGrid
+    from m2wr_node.array_types import FloatArray
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two polls of the clock [s], wall

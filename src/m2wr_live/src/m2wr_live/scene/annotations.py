@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_view.frames import matrix_of
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 # of visualization_msgs/Marker
 _ARROW, _CUBE, _SPHERE, _CYLINDER, _STRIP, _LIST, _CUBES, _SPHERES, _POINTS, _TEXT = range(10)

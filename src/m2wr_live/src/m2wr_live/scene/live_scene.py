@@ -16,7 +16,7 @@ from m2wr_view.frames import Frames, matrices_of, matrix_of, planar
 
 if TYPE_CHECKING:
     from m2wr_live.scene.robot_model import RobotModel
-    from m2wr_view.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 JUMP = 0.5                  # m between two samples; more means that the robot was placed there and did not drive
 TRAIL_STEP = 0.03           # m between two points of a trail

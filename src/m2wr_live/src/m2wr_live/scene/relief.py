@@ -11,7 +11,7 @@ import trimesh
 from m2wr_view.frames import matrix_of
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray, Uint8Array, Uint32Array
+    from m2wr_node.array_types import FloatArray, Uint8Array, Uint32Array
 
 _TRIANGLES = 11             # of visualization_msgs/Marker
 _DELETE, _DELETE_ALL = 2, 3

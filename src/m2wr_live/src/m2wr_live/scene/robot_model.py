@@ -17,7 +17,7 @@ from m2wr_view.errors import ViewError
 from m2wr_view.solids import read_numbers, read_origin
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 log = logging.getLogger("m2wr_live")
 

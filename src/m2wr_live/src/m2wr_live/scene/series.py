@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_view.outlines import least_clearance
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 PERIOD = 0.5            # s of simulated time between two samples

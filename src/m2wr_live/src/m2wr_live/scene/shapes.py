@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_view.frames import matrix_of
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray, Uint32Array
+    from m2wr_node.array_types import FloatArray, Uint32Array
 
 _CUBE, _SPHERE, _CYLINDER, _CUBES, _SPHERES, _TRIANGLES = 1, 2, 3, 6, 7, 11     # of visualization_msgs/Marker
 _DELETE, _DELETE_ALL = 2, 3

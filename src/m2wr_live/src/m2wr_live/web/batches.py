@@ -11,7 +11,7 @@ from m2wr_live.scene.shapes import quaternions_of
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Robot
     from m2wr_live.scene.shapes import Geometry, Shape
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 _BELOW = -1e3           # m; a height that no camera shows

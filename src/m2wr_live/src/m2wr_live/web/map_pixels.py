@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import Int8Array, Uint8Array
+    from m2wr_node.array_types import Int8Array, Uint8Array
 
 MOST_PIXELS = 1024          # of a map along each side; larger ones are thinned out
 OCCUPIED = 65               # least value of an occupied cell, as map_server has it

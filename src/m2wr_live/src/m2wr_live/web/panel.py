@@ -20,7 +20,7 @@ from m2wr_view.frames import yaw_of
 if TYPE_CHECKING:
     from m2wr_live.web.actions import Actions
     from m2wr_live.web.picture import Picture
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 log = logging.getLogger("m2wr_live")
 

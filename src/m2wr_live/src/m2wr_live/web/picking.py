@@ -11,7 +11,7 @@ from m2wr_view.errors import ViewError
 if TYPE_CHECKING:
     from m2wr_live.scene.relief import Relief
     from m2wr_live.scene.shapes import Geometry, Shape
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 FARTHEST = 1000.0           # m from the camera; a click near the horizon means no place
 

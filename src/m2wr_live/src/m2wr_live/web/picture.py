@@ -16,7 +16,7 @@ from m2wr_live.web.trail_picture import TrailPicture
 
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 #: Where the grid is [m]; it is drawn around the camera in any case. What is transparent is drawn in the order of the
 #: distance of its middle: lines on the floor whose middle was further away than the grid's were covered by it.

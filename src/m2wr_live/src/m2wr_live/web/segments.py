@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 _STEP = 64                  # a node has place for a multiple of so many segments
 _BELOW = ((0.0, 0.0, -1000.0), (0.0, 0.0, -1000.01))        # m; a segment that no camera shows

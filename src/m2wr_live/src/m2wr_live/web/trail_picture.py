@@ -10,7 +10,7 @@ from m2wr_live.web.segments import Segments
 
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import LiveScene, Robot
-    from m2wr_view.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 CHUNK = 120                 # segments of a node
 TAIL = 20                   # segments after which they are moved from the tail to a node; CHUNK is a multiple

@@ -29,9 +29,9 @@ from m2wr_navigation.recoveries.recovery import Costmaps
 from m2wr_navigation.supervisor import PARAMETERS, Supervisor
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.accuracy.scenes import Scene
     from m2wr_navigation.supervisor import Outcome
+    from m2wr_node.array_types import FloatArray
     from m2wr_sim.api.records import Scan
 
 HEIGHT = 0.2                # m: of the laser

@@ -16,7 +16,7 @@ from m2wr_navigation.methods.method import COMMON, RUNNING, Decision, View
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 FAR = 1000.0                # m: a goal in a direction, that is never reached
 ROUND = 2.0 * math.pi       # rad: who has turned so far and is back at the start, has been round an obstacle

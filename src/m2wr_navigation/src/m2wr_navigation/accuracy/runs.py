@@ -18,9 +18,9 @@ from m2wr_navigation.localization.localizer import Localizer
 from m2wr_sim.api import Sim
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.accuracy.driven import Driven
     from m2wr_navigation.accuracy.scenes import Scene
+    from m2wr_node.array_types import FloatArray
     from m2wr_sim.api import StepResult
 
 PERIOD = 0.1                # s: of scans and commands

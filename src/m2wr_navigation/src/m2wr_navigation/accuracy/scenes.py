@@ -19,7 +19,7 @@ from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Int8Array
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, Int8Array
     from m2wr_sim.model.types import World
 
 HALF_OF_A_WALL = 0.08       # m

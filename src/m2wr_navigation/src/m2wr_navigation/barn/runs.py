@@ -24,8 +24,8 @@ from m2wr_sim.api import read_robot, read_world
 from m2wr_sim.api.loading import package_folder
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.compare.survey import Job
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_sim.api import StepResult
     from m2wr_sim.model.types import World
 

@@ -11,8 +11,8 @@ from m2wr_navigation.barn.fields import SIDE
 from m2wr_navigation.compare.scenes import Scene, world_text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray
     from m2wr_navigation.barn.fields import Field
+    from m2wr_node.array_types import BoolArray
 
     Point = Tuple[float, float]
 

@@ -26,8 +26,8 @@ from m2wr_navigation.planners.navfn import FACTOR, NEUTRAL
 from m2wr_navigation.planners.planner import cost_table as planner_table
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Uint8Array
     from m2wr_navigation.planners.planner import Cell
+    from m2wr_node.array_types import Uint8Array
 
 LARGE = 4000                # cells along a side of the largest grid
 REPEATED = 5                # times, of which the best counts

@@ -11,8 +11,8 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Uint8Array
     from m2wr_navigation.planners.planner import Cell
+    from m2wr_node.array_types import Uint8Array
 
 RESOLUTION = 0.05           # m
 RADIUS = 11                 # cells: 0.55 m, the default of costmap_2d

@@ -15,7 +15,7 @@ from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, 
 from m2wr_navigation.parameters import read
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 SIDE = 6.0                  # m: 120 x 120 cells
 UPDATES = 60

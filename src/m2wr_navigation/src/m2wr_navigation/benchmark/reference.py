@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Dict
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray, Vector
 
 #: Name here: name in OMPL.
 NAMES: Dict[str, str] = {"RRT": "RRT", "RRTStar": "RRTstar", "InformedRRTStar": "InformedRRTstar"}

@@ -13,11 +13,11 @@ from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import read
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.best_path.pilot import Maker
     from m2wr_navigation.best_path.scoring import Score, Scorer
     from m2wr_navigation.best_path.track import ObstacleField, Track
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 #: Planners that give candidates; CarrotPlanner ends before the first obstacle.
 PLANNERS = [registry.short_name(name) for name in registry.PLANNERS if "carrot" not in name]

@@ -30,10 +30,10 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED, NO_INFORMATION
 from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, UNREACHABLE, Decision
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.best_path.memory import Run
     from m2wr_navigation.best_path.settings import Settings
     from m2wr_navigation.best_path.survey import Survey
+    from m2wr_node.array_types import FloatArray
 
 log = logging.getLogger(__name__)
 

@@ -23,9 +23,9 @@ from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_navigation.best_path.track import Track
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array, Vector
     from m2wr_navigation.best_path.scoring import Scorer
     from m2wr_navigation.best_path.track import ObstacleField
+    from m2wr_node.array_types import FloatArray, Int8Array, Vector
 
 log = logging.getLogger(__name__)
 

@@ -14,8 +14,8 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, Decision
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Controller
+    from m2wr_node.array_types import FloatArray
 
 PERIOD = 0.05               # s: a command is given at 20 Hz
 REHEARSED = 0.1             # s: period in a rehearsal

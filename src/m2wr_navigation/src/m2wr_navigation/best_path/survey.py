@@ -23,7 +23,7 @@ from m2wr_navigation.parameters import read
 from motion_plan.body import AXLE_X, LASER_X, TURNING_RADIUS
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array, Vector
+    from m2wr_node.array_types import FloatArray, Int8Array, Vector
 
 RESOLUTION = 0.05           # m
 INFLATION, SCALING = 1.2, 3.0           # m, 1/m: of the costs around obstacles

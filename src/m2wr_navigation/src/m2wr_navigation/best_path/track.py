@@ -13,8 +13,8 @@ from m2wr_view.outlines import M2WR_FOOTPRINT, convex_hull
 from motion_plan.body import AXLE_X
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 FARTHEST = 3.0              # m: distances from obstacles are not told apart beyond
 SPACING = 0.04              # m between two points of the outline, less than a cell

@@ -10,7 +10,7 @@ from m2wr_navigation.compare.clearance_kernels import least_distance
 from m2wr_navigation.optimum.shortest_path import inflated
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 

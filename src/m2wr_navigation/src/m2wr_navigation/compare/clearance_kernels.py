@@ -15,7 +15,7 @@ from m2wr_navigation.optimum.tangent_kernels import crosses, point_distance
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 @kernel

@@ -21,8 +21,8 @@ from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import FLOOR
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.methods.method import Decision
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_sim.api import StepResult
     from m2wr_sim.model.types import World
 

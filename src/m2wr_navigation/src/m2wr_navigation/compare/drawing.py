@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_view.outlines import convex_hull
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 RIM_POINTS = 32

@@ -17,7 +17,7 @@ from m2wr_sim.api import Sim
 from m2wr_view.outlines import FLOOR
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_sim.api import StepResult
     from m2wr_sim.model.types import Model, World
 

@@ -14,7 +14,7 @@ from m2wr_sim.model.outlines import outlines_of
 from m2wr_view.outlines import Outline, least_clearance
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_sim.api import Contact, Sim
     from m2wr_sim.model.types import Model, World
 

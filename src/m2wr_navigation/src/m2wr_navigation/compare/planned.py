@@ -20,8 +20,8 @@ from m2wr_navigation.parameters import read
 from m2wr_view.outlines import point_distances
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.planners.planner import Plan
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_sim.api import StepResult
     from m2wr_view.outlines import Outline
 

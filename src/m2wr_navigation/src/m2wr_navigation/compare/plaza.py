@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_view.outlines import point_distances
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_view.outlines import Outline
 
 SIDE = 16.0                 # m

@@ -21,8 +21,8 @@ from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, point_distances
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.compare.movers import Mover
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 Box = Tuple[float, float, float, float]             # centre x, y, length, width [m]

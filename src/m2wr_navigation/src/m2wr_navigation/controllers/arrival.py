@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 SLACK = 0.5                 # share of the tolerance by which a robot that has arrived may be moved by its turn
 MOST_ARRIVALS = 3           # then the turn itself moves the robot farther than the tolerance

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Callable, Optional
 from m2wr_navigation.parameters import Configurable
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATIO
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, IndexArray, Uint8Array
+    from m2wr_node.array_types import Float32Array, IndexArray, Uint8Array
 
 #: Value of a cell that is not entered: lethal, or unknown. Greater ones: no way leads there.
 BLOCKED = np.float32(1e30)

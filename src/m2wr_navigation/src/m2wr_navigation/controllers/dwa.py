@@ -21,8 +21,8 @@ from m2wr_navigation.controllers.velocity_samples import AT_REST, ROUNDING, make
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray
     from m2wr_navigation.controllers.controller import Situation
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, IndexArray
 
 GREATEST = 1e6              # of a parameter: samples, times and costs stay finite
 MOST_SAMPLES = 100          # along an axis: a million at most

@@ -12,7 +12,7 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Uint8Array
+    from m2wr_node.array_types import FloatArray, Uint8Array
 
 MOST_CELLS = 4000           # that are looked at; a robot that has more around it has no way out
 _SLOW = 1e-3                # s: of motions that lead out alike, the slower one; m of overlap per m/s

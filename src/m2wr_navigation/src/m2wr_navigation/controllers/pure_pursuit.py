@@ -15,8 +15,8 @@ from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
+    from m2wr_node.array_types import FloatArray
 
 STOPPED = 0.02, 0.05        # m/s, rad/s: below, the robot has stopped
 SLOWER = (1.0, 0.5, 0.25)   # shares of the wanted speed that are tried before an obstacle

@@ -13,7 +13,7 @@ from m2wr_navigation.costmap.footprint_kernels import IN_UNKNOWN, OUTSIDE, outli
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 #: Why a sample is rejected; 0: it is not.
 VALID, OBSTACLE, UNKNOWN, OFF_MAP, NO_WAY, BARRED, WORSE = 0, 1, 2, 3, 4, 5, 6

@@ -19,9 +19,9 @@ from m2wr_navigation.controllers.velocity_samples import Oscillation
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, IN_UNKNOWN, OUTSIDE, outline_cost
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
     from m2wr_navigation.controllers.controller import Situation
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 MOST_POSES = 1000           # of one sample's roll-out
 AT_ONCE = np.full(3, math.inf)          # acceleration of a robot that has the new velocity at once

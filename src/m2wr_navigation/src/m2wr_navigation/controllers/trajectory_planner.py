@@ -22,8 +22,8 @@ from m2wr_navigation.costmap.footprint_kernels import line_cost
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_navigation.controllers.controller import Situation
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 HEADING_WEIGHT = 0.3        # of heading_scoring, per rad; base_local_planner, trajectory_planner.cpp
 DIAGONAL = 0.1              # m/s ahead and to the side: two more samples of a holonomic robot, from there too

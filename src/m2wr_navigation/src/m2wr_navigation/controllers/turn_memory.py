@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 FULL_TURN = 2.0 * math.pi   # rad: after it every heading was looked at
 ALIGNED = 0.1               # rad from the best heading: more than half of what a robot turns in a cycle

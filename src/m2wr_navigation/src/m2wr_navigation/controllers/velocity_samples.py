@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Mapping
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 AT_REST = 0.01              # m/s: slower samples turn on the spot
 ROUNDING = 1e-4            # of velocities at their limits

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Uint8Array, Vector
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Uint8Array, Vector
 
 
 @dataclass

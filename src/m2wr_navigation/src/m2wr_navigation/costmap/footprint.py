@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_node.numbers import number
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MOST_CORNERS = 1000
 FARTHEST = 100.0            # m: no robot has a corner farther from its centre

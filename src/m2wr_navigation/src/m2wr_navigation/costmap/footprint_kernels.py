@@ -9,7 +9,7 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Uint8Array
+    from m2wr_node.array_types import FloatArray, Uint8Array
 
 IN_COLLISION, IN_UNKNOWN, OUTSIDE = -1, -2, -3
 

@@ -15,7 +15,7 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATIO
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Int16Array, Uint8Array
+    from m2wr_node.array_types import Int16Array, Uint8Array
 
 GREATEST_RADIUS = 120               # cells: the sum of two squares and one more stay below 2^15
 _FAR = 32767

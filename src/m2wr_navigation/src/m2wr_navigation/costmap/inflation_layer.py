@@ -11,8 +11,8 @@ from m2wr_navigation.costmap.layer import Layer, Window
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray, Uint8Array
 
 
 class InflationLayer(Layer):

@@ -11,8 +11,8 @@ import numpy as np
 from m2wr_navigation.parameters import Configurable
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 
 @dataclass(frozen=True)

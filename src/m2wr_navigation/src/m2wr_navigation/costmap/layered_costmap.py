@@ -18,7 +18,7 @@ from m2wr_navigation.costmap.shift import shifted
 from m2wr_navigation.costmap.static_layer import StaticLayer
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 class LayeredCostmap:

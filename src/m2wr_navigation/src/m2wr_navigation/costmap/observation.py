@@ -12,7 +12,7 @@ import numpy as np
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MOST_BEAMS = 1000000
 MOST_POINTS = 5000000

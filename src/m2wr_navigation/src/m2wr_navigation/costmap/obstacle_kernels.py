@@ -11,7 +11,7 @@ from m2wr_navigation.costmap.cost_layout import FREE, LETHAL
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
+    from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array
 
 
 STRAIGHT = 0.97             # cosine of the angle between two parts of a surface: 14 degrees

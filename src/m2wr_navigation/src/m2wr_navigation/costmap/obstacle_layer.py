@@ -14,8 +14,8 @@ from m2wr_navigation.costmap.shift import shifted
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_navigation.costmap.observation import Observation, Source
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 OVERWRITE, MAXIMUM = 0, 1           # values of combination_method
 

@@ -14,7 +14,7 @@ from m2wr_navigation.costmap.layer import Layer, Window
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 MOST_CELLS = 200000000      # of a map: 0.2 GB, and as much again for the master grid
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 MOST_HEIGHTS = 16
 MOST_COLUMNS = 4000000

@@ -15,7 +15,7 @@ from m2wr_navigation.costmap.cost_layout import FREE, LETHAL, NO_INFORMATION
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array, Uint32Array
+    from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array, Uint32Array
 
 UNKNOWN_COLUMN = 0xFFFF     # no voxel is known
 EMPTY_COLUMN = 0            # all are free

@@ -16,9 +16,9 @@ from m2wr_navigation.costmap.voxel_kernels import EMPTY_COLUMN, UNKNOWN_COLUMN
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint32Array
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.costmap.observation import Observation, Source
+    from m2wr_node.array_types import FloatArray, IndexArray, Uint32Array
 
 _GAP = 2.0                  # cells between the end of a ray and its point, as VoxelLayer::raytraceFreespace
 _HEIGHTS = ("origin_z", "z_resolution", "z_voxels")

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.fusion import ekf_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 LONGEST_STEP = 1e5          # s: a longer gap means another clock; it counts as GAP
 GAP = 0.01                  # s

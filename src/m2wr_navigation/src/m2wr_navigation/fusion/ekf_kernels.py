@@ -15,7 +15,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 SIZE = 15
 ANGLE, SPEED, TURN, ACCELERATION = 3, 6, 9, 12      # where these parts of the state begin

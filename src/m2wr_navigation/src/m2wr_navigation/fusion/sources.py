@@ -11,7 +11,7 @@ from m2wr_navigation.fusion.ekf import Measurement
 from m2wr_navigation.fusion.ekf_kernels import ACCELERATION, SIZE, TURN, rotation
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 GRAVITY = 9.80665           # m/s^2, standard gravity
 

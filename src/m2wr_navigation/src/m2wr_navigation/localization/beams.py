@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_gmapping.frontend.scan import rotation
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
 
 LEVEL = 1e-9                # rounding of the horizontal part of a unit vector
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]

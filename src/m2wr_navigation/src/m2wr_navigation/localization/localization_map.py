@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.localization.field_kernels import distance_transform, quantise, visible_surface
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray, Int8Array, Uint8Array
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, IndexArray, Int8Array, Uint8Array
 
 OCCUPIED, FREE = 100, 0     # of an OccupancyGrid; all other values are unknown, as in amcl
 MOST_CELLS = 10**9

@@ -13,9 +13,9 @@ from m2wr_navigation.localization.particle_filter import CERTAIN, Cluster, Parti
 from m2wr_navigation.localization.sensor_models import LEAST_SHARE, MATCH_ROUNDS, match
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
+    from m2wr_node.array_types import FloatArray
 
 #: Least deviations of the filter's pose when a scan is matched: particles may agree on a pose that is off by a cell
 #: [m, m, rad].

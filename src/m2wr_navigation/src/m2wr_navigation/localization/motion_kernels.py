@@ -9,7 +9,7 @@ from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 STILL = 0.01            # a shorter way has no direction [m]
 OFFSET = 0.3            # m: a base frame so far from the wheels' axle moves sideways when the robot turns on the spot

@@ -18,7 +18,7 @@ import numpy as np
 from m2wr_gmapping.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 # Values without another source are our own choice, for the reason given.
 #: Deviation of the errors before anything is learnt [-, -, rad/m]. Tyres and axles are known to some per cent;

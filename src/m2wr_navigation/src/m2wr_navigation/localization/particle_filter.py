@@ -14,9 +14,9 @@ from m2wr_navigation.localization.place_search import PlaceSearch
 from m2wr_navigation.localization.sensor_models import INDEPENDENT, INDEPENDENT_APART, Fit, weigh
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
+    from m2wr_node.array_types import FloatArray
 
 CONVERGED = 0.5             # all particles are this near to their mean, along x and y [m]; amcl's
 CANDIDATES = 40             # poses that are tried for each particle, when the robot may be anywhere

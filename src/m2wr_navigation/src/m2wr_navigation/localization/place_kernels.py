@@ -10,7 +10,7 @@ from m2wr_navigation.localization.sensor_kernels import ray_length
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, IndexArray
 
 
 @kernel

@@ -19,9 +19,9 @@ from m2wr_navigation.localization import place_kernels as kernels
 from m2wr_navigation.localization.sensor_models import match
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
+    from m2wr_node.array_types import FloatArray
 
 MOST_PLACES = 100           # that are followed; the first scan leaves so many in a building
 APART = np.array([0.5, np.radians(20.0)])       # nearer poses are one place [m, rad]: a bin and two of the filter's

@@ -15,7 +15,7 @@ from m2wr_gmapping.frontend.match_kernels import solve
 from m2wr_node.kernel import fast_kernel, kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Uint8Array
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, Uint8Array
 
 RAY_STEP = 0.5          # least step of a ray [cells]; bounds its error
 CORNER = 1.5            # a cell's centre to the ray's place in it and to another cell's edge, at most [cells]

@@ -10,9 +10,9 @@ import numpy as np
 from m2wr_navigation.localization import sensor_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 INDEPENDENT = 15.0          # beams of a scan whose errors are independent: neighbours see the same errors of the map
 INDEPENDENT_APART = 4.0     # likewise, while the robot may be in several places: consecutive scans share errors too

@@ -13,7 +13,7 @@ from m2wr_view.outlines import M2WR_FOOTPRINT, ROBOT_HEIGHT, convex_hull
 from motion_plan import body as m2wr
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_view.outlines import Outline
 
 ROUND = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)     # of a rounded corner [rad]

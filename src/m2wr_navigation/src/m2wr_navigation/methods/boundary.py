@@ -15,8 +15,8 @@ import numpy as np
 from m2wr_navigation.methods.method import STUCK, UNREACHABLE, Decision, Method, View
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.methods.body import RobotBody
+    from m2wr_node.array_types import FloatArray
 
 LOOK = 0.3                  # m: a direction is free if the disc can travel so far; the boundary is approached over it
 HIT = 0.15                  # m: the path to the goal is obstructed if the disc cannot travel so far

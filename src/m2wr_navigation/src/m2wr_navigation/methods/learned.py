@@ -19,8 +19,8 @@ from m2wr_navigation.methods.method import COMMON, RUNNING, Decision, Method, Vi
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.methods.body import RobotBody
+    from m2wr_node.array_types import FloatArray
 
 SECTORS = 36                # of the half circle in front of the robot
 SIGHT = 4.0                 # m: farther readings count as this

@@ -17,9 +17,9 @@ from m2wr_navigation.methods.map_kernels import border_target, shade
 from m2wr_navigation.planners import wave_kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Vector
     from m2wr_navigation.methods.body import RobotBody
     from m2wr_navigation.methods.scan_points import ScanPoints
+    from m2wr_node.array_types import BoolArray, Float32Array, FloatArray, Vector
 
 SHARE_INSIDE = 0.2          # of the side: the map moves when the robot is nearer to its edge
 BLOCKED = 200.0             # cost of a place where the robot does not fit, against 1 of a free one: such a place is

@@ -21,7 +21,7 @@ from m2wr_navigation.parameters import Configurable, Parameter
 from motion_plan.surroundings import KEEP_RANGE
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
     from motion_plan.surroundings import Surroundings
 
 RUNNING, REACHED, UNREACHABLE, STUCK = "running", "reached", "unreachable", "stuck"

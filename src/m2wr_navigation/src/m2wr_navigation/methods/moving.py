@@ -18,8 +18,8 @@ import numpy as np
 from m2wr_navigation.methods import moving_kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_navigation.methods.scan_points import ScanPoints
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 NOISE = 0.03                # m, standard deviation of the middle of a group: 0.01 of a reading, and odometry
 SURE = 3.0 * NOISE          # m: a greater difference of places is no noise

@@ -21,8 +21,8 @@ from m2wr_navigation.methods.scan_points import scan_points
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.methods.body import RobotBody
+    from m2wr_node.array_types import FloatArray
 
 KNOTS = 8                               # of a disturbance: it changes in 0.4 s, as a robot does
 SPEEDS, RATES = 6, 21                   # of the arcs: constant commands among the samples

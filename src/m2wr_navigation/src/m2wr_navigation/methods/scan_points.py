@@ -11,9 +11,9 @@ import numpy as np
 from motion_plan.surroundings import own_points
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
     from m2wr_navigation.methods.body import RobotBody
     from m2wr_navigation.methods.method import Sensing
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
 
 NEAREST = 0.1               # m: stands for a reading that is too close
 

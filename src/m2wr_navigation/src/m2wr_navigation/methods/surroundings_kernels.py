@@ -15,7 +15,7 @@ from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 _ROW = 1000003              # cells in a row of the grid of points, more than any range: prime, as in _first_in_cells
 

@@ -20,7 +20,7 @@ from m2wr_navigation.methods.boundary import AWAY, HIT, LOOK, SWEEP, BoundaryMet
 from m2wr_navigation.methods.method import Decision, View
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 PROGRESS = 0.05             # m: by so much an edge, or a place to leave for, has to be nearer to the goal
 JUMP = 0.5                  # m: between neighbouring directions; the nearer obstacle has an edge there

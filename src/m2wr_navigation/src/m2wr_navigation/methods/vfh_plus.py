@@ -17,7 +17,7 @@ from m2wr_navigation.methods.method import COMMON, Decision, Method, View
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
 
 SECTORS = 72
 WIDTH = 2.0 * math.pi / SECTORS         # rad

@@ -17,7 +17,7 @@ from m2wr_navigation.optimum.tangent_kernels import free_arcs, free_limits, is_p
 from m2wr_view.outlines import Outline, point_distances
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
+    from m2wr_node.array_types import FloatArray, IndexArray, Vector
 
 MOST_CORNERS = 1000         # of all obstacles: the tangents grow with its square, the work with its cube
 ARC_STEP = math.radians(3.0)        # between two points of an arc, only for display

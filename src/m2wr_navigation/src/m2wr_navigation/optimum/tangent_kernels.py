@@ -16,7 +16,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import FloatArray, IndexArray
 
 SLACK = 1e-9            # m: rounding of a line that is tangent to a circle; a path may enter an obstacle so far
 _SAME = 1e-12           # m: circles with this distance of their centres have no tangents

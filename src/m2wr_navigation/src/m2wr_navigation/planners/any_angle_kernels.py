@@ -11,7 +11,7 @@ from m2wr_navigation.planners.heap_kernels import pop, push
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, Int32Array, Uint8Array
 
 _DIAGONAL = math.sqrt(2.0)
 _LONGEST = 100.0            # cells: longer lines are joined in the end; so the time for a cell has a limit

@@ -12,8 +12,8 @@ from m2wr_navigation.parameters import Parameter
 from m2wr_navigation.planners.planner import Plan, Planner, PlanningError, cell_of
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 
 class Carrot(Planner):

@@ -19,7 +19,7 @@ from m2wr_navigation.planners.heap_kernels import pop, push
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, Int32Array, Uint8Array
 
 _MOST_PARTS = 33            # 32 isolated cells of a chessboard, and one
 

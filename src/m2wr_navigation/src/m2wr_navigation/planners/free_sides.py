@@ -15,8 +15,8 @@ from m2wr_navigation.costmap.cost_layout import INSCRIBED
 from m2wr_navigation.costmap.inflation_kernels import GREATEST_RADIUS, cost_table, inflate
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 
 def with_free_sides(costmap: Costmap, goal: FloatArray) -> Costmap:

@@ -14,8 +14,8 @@ from m2wr_navigation.planners.planner import Plan, cost_table
 from m2wr_navigation.planners.potential_search import allowed_blocks
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 STEP = 0.5                  # cells between two points of a straight part, as navfn's paths have
 

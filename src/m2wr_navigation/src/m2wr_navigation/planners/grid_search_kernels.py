@@ -11,7 +11,7 @@ from m2wr_navigation.planners.block_layout import BLOCK
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
 
 _DIAGONAL, _RISE = np.float32(math.sqrt(2.0)), np.float32(math.sqrt(2.0) - 1.0)
 _HALF, _INF = np.float32(0.5), np.float32(np.inf)

@@ -14,8 +14,8 @@ from m2wr_navigation.planners.planner import Plan, PlanningError, cell_of, leave
 from m2wr_navigation.planners.reeds_shepp_kernels import MOST_PARTS
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
     Pose = Tuple[float, float, float]
 

@@ -16,7 +16,7 @@ from m2wr_navigation.planners.reeds_shepp_kernels import MOST_PARTS, reeds_shepp
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
 
 HEADINGS = 72               # bins of 5 degrees
 STEP = 1.5                  # cells of an arc: more than the diagonal of a cell, so that each leads to another bin

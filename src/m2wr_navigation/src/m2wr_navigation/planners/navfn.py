@@ -20,8 +20,8 @@ from m2wr_navigation.planners.planner import (
 from m2wr_navigation.planners.potential_search import PotentialSearch
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 NEUTRAL, FACTOR = 50.0, 0.8         # COST_NEUTRAL, COST_FACTOR of navfn.h
 

@@ -16,8 +16,8 @@ from m2wr_navigation.planners.free_sides import with_free_sides
 from m2wr_navigation.planners.narrow_ways import with_narrow_ways
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 ESCAPE = 0.5                # m: a robot whose centre is in an inscribed cell may cross others this far to get out
 Cell = Tuple[int, int]

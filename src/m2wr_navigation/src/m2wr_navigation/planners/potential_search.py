@@ -9,9 +9,9 @@ import numpy as np
 from m2wr_navigation.planners import corridor_kernels, wave_kernels
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Cell
+    from m2wr_node.array_types import Float32Array, FloatArray, Uint8Array
 
 SIDE = 1001
 LARGE = SIDE * SIDE - 1     # cells: the potential of a smaller grid takes less than 50 ms, and needs no corridor

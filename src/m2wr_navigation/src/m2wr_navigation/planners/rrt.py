@@ -14,8 +14,8 @@ from m2wr_navigation.planners.navfn import Navfn
 from m2wr_navigation.planners.sampling_kernels import GOAL, grow, path_in, sapling, shortcut
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import Float32Array, FloatArray
 
 BATCH = 200             # samples between two looks at the clock: some ms
 CENTRE = 0.5            # cells: paths of grids count from the centre of cell (0, 0), the kernels from its corner

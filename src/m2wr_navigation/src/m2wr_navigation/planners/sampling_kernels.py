@@ -13,7 +13,7 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
 
 START, GOAL = 0, 1              # the first two nodes of a tree
 _SHORT = 1e-6                   # cells: a shorter edge is no edge

@@ -16,7 +16,7 @@ from m2wr_navigation.planners.block_layout import BLOCK
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
 
 _MOST_INSIDE = 3                        # half-cell steps of a path within one cell
 _CHANGE = np.float32(1.0 - 1e-6)        # a potential that is lowered by less is kept: rounding of 32-bit numbers

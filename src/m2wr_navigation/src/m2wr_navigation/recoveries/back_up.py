@@ -12,9 +12,9 @@ from m2wr_navigation.recoveries.collisions import collides, is_turn_free
 from m2wr_navigation.recoveries.recovery import Recovery, Step
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
     from m2wr_navigation.recoveries.recovery import Costmaps
+    from m2wr_node.array_types import FloatArray
 
 CURVATURES = (0.0, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)     # 1/m: of the arcs that are tried, the straightest first
 SAMPLED = 0.02              # m: step in which an arc is checked

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, List, Mapping, NamedTuple, Optional, Sequ
 from m2wr_navigation.parameters import Configurable
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
+    from m2wr_node.array_types import FloatArray
 
 
 class Costmaps(ABC):

@@ -11,7 +11,7 @@ from m2wr_navigation.localization.localization_map import FARTHEST, Localization
 from m2wr_navigation.ros.transforms import quaternion_yaw
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 LEAST_LENGTH = 1e-3         # of a quaternion: below, its direction is noise
 MOST_VARIANCE = 1e12        # of an initial pose: beyond, particles lie where sums of positions lose metres

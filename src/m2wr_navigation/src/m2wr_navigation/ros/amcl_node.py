@@ -36,8 +36,8 @@ from m2wr_node.ros.starting import start_node
 if TYPE_CHECKING:
     import genpy
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.replay.scan_source import Transform
+    from m2wr_node.array_types import FloatArray
 
 SCAN_QUEUE = 100            # scans that may wait for transforms, amcl's
 INITIAL = ("initial_pose_x", "initial_pose_y", "initial_pose_a")

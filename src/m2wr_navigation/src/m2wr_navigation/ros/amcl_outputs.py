@@ -19,9 +19,9 @@ from m2wr_navigation.localization.confidence import doubt
 if TYPE_CHECKING:
     import genpy
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.localizer import Localizer, Outcome
     from m2wr_navigation.localization.particle_filter import Cluster
+    from m2wr_node.array_types import FloatArray
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SILENCE = 15.0              # wall time without a scan after which a warning is due [s], amcl's

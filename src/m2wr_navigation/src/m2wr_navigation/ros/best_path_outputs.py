@@ -18,9 +18,9 @@ from m2wr_gmapping.ros.message_conversion import path_message
 from m2wr_navigation.ros.grid_messages import grid_message
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.best_path.candidates import Candidate
     from m2wr_navigation.best_path.survey import Survey
+    from m2wr_node.array_types import FloatArray
 
 CHOSEN = (0.0, 0.62, 0.45)          # colour of the path that is driven, as of Bug 2's goal
 WIDTHS = 0.03, 0.09                 # m: of the lines of the others, and of the chosen one

@@ -17,8 +17,8 @@ from m2wr_navigation.ros.grid_messages import cloud_message
 from m2wr_navigation.ros.reconfigure import serve
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Command
+    from m2wr_node.array_types import FloatArray
 
 _COSTS = ["x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost"]
 _TRAJECTORIES = ["x", "y", "z", "theta", "cost"]

@@ -42,8 +42,8 @@ from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.transform_buffer import frame
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
+    from m2wr_node.array_types import FloatArray
 
 LOOK = 0.05                 # s of wall time between two looks at the clock while it stands
 PATIENCE = 5.0              # s of wall time between two messages about what the start waits for

@@ -23,7 +23,7 @@ from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer, fault_of
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 PARAMETERS: Dict[str, Parameter] = {
     "odom_frame_id": text("odom", "frame of the odometry"),

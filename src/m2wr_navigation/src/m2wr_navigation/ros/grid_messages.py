@@ -14,9 +14,9 @@ from m2wr_gmapping.ros.message_conversion import ArrayGrid, pose_message
 if TYPE_CHECKING:
     import rospy
 
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, Int8Array
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.costmap.layer import Window
+    from m2wr_node.array_types import Float32Array, FloatArray, Int8Array
 
 _PLACE = struct.Struct("<iiIII")
 

@@ -48,8 +48,8 @@ from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.supervisor import Outcome
+    from m2wr_node.array_types import FloatArray
 
 LOOK = 0.02                 # s of wall time between two looks at the clock
 BESIDE = {"global_costmap", "local_costmap", "recovery_behaviors", "clearing_radius", "latch_xy_goal_tolerance",

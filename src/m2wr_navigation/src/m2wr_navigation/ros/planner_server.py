@@ -22,9 +22,9 @@ from m2wr_navigation.ros.grid_messages import cloud_message, grid_message, poten
 from m2wr_navigation.ros.reconfigure import serve
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Plan
+    from m2wr_node.array_types import FloatArray
 
 #: Parameters of the real planners that have no meaning here.
 WITHOUT_EFFECT = {"NavfnROS": ("planner_window_x", "planner_window_y"),

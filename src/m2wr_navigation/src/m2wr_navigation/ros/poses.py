@@ -15,8 +15,8 @@ from m2wr_navigation.ros.transforms import TransformError, yaw_of
 from m2wr_node.ros.transform_buffer import fault_of, frame
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.ros.transforms import Transforms
+    from m2wr_node.array_types import FloatArray
 
 __all__ = ["GoalError", "goal_pose", "pose_message"]
 

@@ -13,7 +13,7 @@ import tf2_ros
 from m2wr_node.ros.transform_buffer import TransformBuffer, frame
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 
 # an entry of all_frames_as_yaml: child frame, parent frame, name of the node, newest stamp

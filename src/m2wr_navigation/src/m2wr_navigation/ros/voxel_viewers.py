@@ -15,7 +15,7 @@ from m2wr_navigation.costmap.voxel_columns import VoxelError, centres
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 Colour = Tuple[float, float, float, float]
 MARKED: Colour = (1.0, 0.0, 0.0, 1.0)

@@ -29,7 +29,7 @@ from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_tools.benchmark import reference
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array
+    from m2wr_node.array_types import Float32Array
     from m2wr_sim.geometry import Vector
     from m2wr_sim.model.types import Model, Sensor, World
     from m2wr_sim.physics.engine import EngineSettings

@@ -19,7 +19,7 @@ from m2wr_sim.model.types import Box, Cylinder
 from m2wr_tools.benchmark import in_process, reference
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Vector
     from m2wr_sim.model.types import World
 

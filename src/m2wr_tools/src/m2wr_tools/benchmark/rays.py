@@ -24,7 +24,7 @@ from m2wr_sim.sensors.range_kernels import sweep
 from m2wr_sim.sensors.ray_scene import RayScene
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 SCAN = RayScan(samples=720, min_angle=-0.5 * math.pi, max_angle=0.5 * math.pi, range_min=0.1, range_max=10.0,
                noise=Noise(kind="gaussian", stddev=0.01))

@@ -13,7 +13,7 @@ from m2wr_sim.model.types import Box, Cylinder
 if TYPE_CHECKING:
     from typing import Union
 
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Pose
 
     Part = Tuple[str, Union[Box, Cylinder], Pose]

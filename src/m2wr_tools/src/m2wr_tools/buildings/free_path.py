@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
     from m2wr_tools.buildings.floor_plan import FloorPlan
 
 CELL = 0.15                 # of the grid [m]

@@ -14,7 +14,7 @@ from m2wr_tools.buildings.floor_plan import FloorPlan
 from m2wr_tools.buildings.rooms import Rect, enclose, hull, split
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_node.array_types import FloatArray, Vector
     from m2wr_tools.buildings.rooms import Wall
 
     Point = Tuple[float, float]

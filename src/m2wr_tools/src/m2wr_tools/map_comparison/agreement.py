@@ -16,7 +16,7 @@ from m2wr_view.outlines import convex_hull
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, Uint8Array
+    from m2wr_node.array_types import BoolArray, FloatArray, Uint8Array
     from m2wr_sim.model.types import World
     from m2wr_view.outlines import Outline
 

@@ -24,7 +24,7 @@ from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, r
 if TYPE_CHECKING:
     import argparse
 
-    from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import FloatArray, Int8Array
     from m2wr_sim.model.types import World
     from m2wr_view.outlines import Outline
 

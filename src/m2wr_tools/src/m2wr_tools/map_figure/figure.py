@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from numpy.typing import NDArray
 
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.graph_view import GraphView
     from m2wr_gmapping.io.saved_map_reader import SavedMap
+    from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
 DOTS_PER_INCH = 100

@@ -20,7 +20,7 @@ from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray
+    from m2wr_node.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Pose
     from m2wr_sim.model.types import World
 

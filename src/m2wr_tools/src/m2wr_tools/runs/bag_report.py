@@ -17,7 +17,7 @@ from m2wr_view.run_log import read_run
 from m2wr_view.run_series import MARKERS, read_footprint, read_world
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 GAP, LEAST_GAP = 3.0, 0.1        # a gap is a pause longer than this number of median periods, and than this time [s]
 PERIODIC = 20           # least number of messages for a rate

@@ -28,7 +28,7 @@ from m2wr_tools.slam_benchmark import (
 )
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
 SETS = OrderedDict((

@@ -19,7 +19,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
 
 PACKED = ("", ".xz", ".gz")
 EPOCH = 1000.0              # added to the stamps of a log, which may start at 0; ROS treats 0 as unset [s]

@@ -15,7 +15,7 @@ from m2wr_node.numbers import number
 from m2wr_tools.slam_benchmark.laser_logs import LogError
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_tools.slam_benchmark.laser_logs import Log
 
 LARGEST = 1 << 20           # of such a file [bytes]

@@ -14,7 +14,7 @@ from m2wr_gmapping.se2 import between, compose, wrap
 from m2wr_tools.slam_benchmark.laser_logs import EPOCH, LogError, odometry, opened
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray
     from m2wr_tools.slam_benchmark.laser_logs import Log
 
 DIRECT = 1e-3           # greatest difference of stamps between pose and scan [s]

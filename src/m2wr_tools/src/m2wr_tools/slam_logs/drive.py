@@ -15,7 +15,7 @@ from m2wr_sim.api import Sim
 from m2wr_tools.buildings.free_path import FreeSpace, NoPathError
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_tools.buildings.floor_plan import FloorPlan
 
 PERIOD = 0.1                # of control and of the record [s]

@@ -19,7 +19,7 @@ from m2wr_tools.slam_logs.odometry import OdometryErrors, integrate
 from m2wr_tools.slam_logs.sensing import LaserErrors, scans
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray
     from m2wr_tools.buildings.floor_plan import FloorPlan
     from m2wr_tools.slam_logs.drive import Drive
 

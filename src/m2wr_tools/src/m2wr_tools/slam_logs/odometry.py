@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_gmapping.se2 import compose, inverse
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray
     from m2wr_tools.slam_logs.drive import Drive
 
 RADIUS, SEPARATION = 0.1, 0.4       # of m2wr's wheels [m]

@@ -17,7 +17,7 @@ from m2wr_tools.buildings.floor_plan import HEIGHT, upright
 from m2wr_tools.buildings.free_path import FreeSpace, NoPathError
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray
+    from m2wr_node.array_types import Float32Array, FloatArray, IndexArray
     from m2wr_tools.buildings.floor_plan import FloorPlan
     from m2wr_tools.slam_logs.drive import Drive
 
