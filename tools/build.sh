@@ -35,8 +35,8 @@ if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
     if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
         # numba checks only a kernel's own file, not those of the kernels and constants that it uses
-        for package in m2wr_gmapping m2wr_navigation; do
-            if [ -n "$(find "src/$package/src" \( -name '*kernels.py' -o -name '*_layout.py' -o -name 'tuning.py' \
+        for package in m2wr_maps m2wr_gmapping m2wr_navigation; do
+            if [ -n "$(find src/m2wr_maps/src "src/$package/src" \( -name '*kernels.py' -o -name '*_layout.py' -o -name 'tuning.py' \
                        -o -name 'track.py' \) -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
                 find "src/$package/src" \( -name '*.nbi' -o -name '*.nbc' \) -delete
             fi

@@ -5,7 +5,7 @@
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-[ $# -gt 0 ] || set -- m2wr_campaign m2wr_course m2wr_delivery m2wr_elevation m2wr_exploration m2wr_files m2wr_gmapping m2wr_live m2wr_lockstep m2wr_navigation m2wr_node m2wr_nodelet m2wr_sim m2wr_tools m2wr_view motion_plan
+[ $# -gt 0 ] || set -- m2wr_campaign m2wr_course m2wr_delivery m2wr_elevation m2wr_exploration m2wr_files m2wr_gmapping m2wr_live m2wr_lockstep m2wr_maps m2wr_navigation m2wr_node m2wr_nodelet m2wr_sim m2wr_tools m2wr_view motion_plan
 command -v sphinx-build >/dev/null || die "sphinx-build is not on PATH; run make setup, or install python3-sphinx."
 
 pages=$(mktemp -d)

@@ -65,7 +65,7 @@ lint_ruff() {
 # Sections of docstrings.
 lint_docstrings() {
     "$PYTHON" tools/check_docstrings.py dropin/*/src dropin/xacro/launcher src/m2wr_bridge/src \
-        src/m2wr_campaign/src src/m2wr_course/src src/m2wr_delivery/src src/m2wr_elevation/src src/m2wr_exploration/src src/m2wr_files/src src/m2wr_gmapping/src src/m2wr_live/src src/m2wr_lockstep/src src/m2wr_navigation/src src/m2wr_node/src \
+        src/m2wr_campaign/src src/m2wr_course/src src/m2wr_delivery/src src/m2wr_elevation/src src/m2wr_exploration/src src/m2wr_files/src src/m2wr_gmapping/src src/m2wr_live/src src/m2wr_lockstep/src src/m2wr_maps/src src/m2wr_navigation/src src/m2wr_node/src \
         src/m2wr_nodelet/src \
         src/m2wr_sim/src src/m2wr_tools/src src/motion_plan/src src/m2wr_view/src
 }

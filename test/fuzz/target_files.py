@@ -145,7 +145,7 @@ class MapFiles(Target):
     name, cpu = "map", 2.0
 
     def prepare(self):
-        from m2wr_gmapping.io import saved_map_reader
+        from m2wr_maps import saved_map_reader
         from m2wr_sim.errors import SimError
         from m2wr_tools.map_comparison import command as compare_map
         self.readers = (saved_map_reader.read_map, compare_map.read_saved)

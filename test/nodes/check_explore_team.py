@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from launch_runs import Launched  # noqa: E402
-from m2wr_gmapping.io.saved_map_reader import read_map  # noqa: E402
+from m2wr_maps.saved_map_reader import read_map  # noqa: E402
 from sim_probe import Recorder, data_path, run_checks, run_program  # noqa: E402
 
 PATIENCE = 240.0            # s of wall time for a run, also on a busy machine

@@ -12,7 +12,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from m2wr_gmapping.io import map_file
+from m2wr_maps import map_file
 from m2wr_tools.map_comparison.agreement import OUTSIDE
 from m2wr_tools.map_comparison.command import read_truth
 from sim_probe import Running, program, wait_until

@@ -18,8 +18,8 @@ from sensor_msgs.msg import LaserScan
 
 from m2wr_files import state_file
 from m2wr_gmapping.config import ConfigError, GmappingConfig
-from m2wr_gmapping.io import saved_map_reader
 from m2wr_gmapping.replay import bag_messages
+from m2wr_maps import saved_map_reader
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_sdf
 from m2wr_sim.ros.params import read_config

@@ -10,7 +10,7 @@ import pytest
 from m2wr_node import kernel
 from m2wr_node.kernel_progress import kernels
 
-PACKAGES = ("m2wr_gmapping", "m2wr_navigation", "m2wr_exploration", "m2wr_elevation")
+PACKAGES = ("m2wr_maps", "m2wr_gmapping", "m2wr_navigation", "m2wr_exploration", "m2wr_elevation")
 
 
 def kernel_calls(path):

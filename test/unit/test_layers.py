@@ -27,6 +27,7 @@ ANYTHING = None
 # genpy allowed. deterministic: no wall clock, no unseeded randomness. not_ours: our own forbidden modules.
 EDGES = ("m2wr_sim.ros", "m2wr_sim.plugins")
 ABOVE_LOCKSTEP = ("m2wr_[!ln]*", "motion_plan")
+ABOVE_MAPS = ("m2wr_[!fmn]*", "m2wr_navigation", "motion_plan")
 LOCKSTEP_EDGES = ("m2wr_lockstep.server.ros", "m2wr_lockstep.client.controller")
 RULES = (
     Rule("*/*kernels.py", {"numpy", "numba"}, False, True, ("*",)),
@@ -68,6 +69,7 @@ RULES = (
     Rule("m2wr_node/array_types.py", {"numpy"}, False, True, ("m2wr_*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_node/internals/*.py", ANYTHING, True, False, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_maps/*.py", {"numpy", "PIL", "yaml"}, False, True, ABOVE_MAPS),
     Rule("m2wr_files/*.py", {"numpy"}, False, True, ("m2wr_[!f]*", "motion_plan")),
     Rule("m2wr_nodelet/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_lockstep/server/ros/*.py", ANYTHING, True, False, ABOVE_LOCKSTEP),

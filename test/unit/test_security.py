@@ -6,12 +6,12 @@ import re
 import workspace_tree as tree
 from m2wr_campaign.study import fields
 from m2wr_files import state_file, state_types
+from m2wr_maps import map_input
 from m2wr_sim.model.mesh import files as mesh_files
 from m2wr_sim.model.mesh import shapes as mesh_shapes
 from m2wr_sim.model.xml import lenient as lenient_xml
 from m2wr_sim.model.xml import safe as safe_xml
 from m2wr_sim.ros.gazebo_services import spawning
-from m2wr_view import map_input
 
 TEXT = tree.read(os.path.join(tree.ROOT, "SECURITY.md"))
 LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xml.MAX_BYTES, safe_xml.MAX_DEPTH,
@@ -23,7 +23,7 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
 #: Calls that evaluate text, and the files that may use them: on the program's own text, or the user's command line.
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
-ALLOWED = {"m2wr_node/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
+ALLOWED = {"m2wr_node/kernel_cache.py": "exec(", "m2wr_maps/map_input.py": "yaml.load(",
            "m2wr_campaign/study/fields.py": "yaml.load(",
            "m2wr_files/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
 

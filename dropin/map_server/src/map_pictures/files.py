@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
+from m2wr_maps.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray, Int8Array

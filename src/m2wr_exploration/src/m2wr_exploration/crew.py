@@ -13,7 +13,7 @@ from m2wr_exploration.team.making_room import DETOUR, disc
 from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.placing import Placing
 from m2wr_exploration.team.right_of_way import allowed
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.costmap.footprint import placed
 

@@ -9,7 +9,7 @@ from exploration_grids import grid
 from m2wr_exploration.team import placing as module
 from m2wr_exploration.team.map_match import Match
 from m2wr_exploration.team.placing import Placing
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import placed
 

@@ -10,7 +10,7 @@ from m2wr_exploration.registry import find
 from m2wr_exploration.ros.team_report import TeamReport
 from m2wr_exploration.study.scenes import whole_map
 from m2wr_exploration.team.merging import merge
-from m2wr_gmapping.io.saved_map_reader import read_map
+from m2wr_maps.saved_map_reader import read_map
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_navigation.parameters import read

@@ -13,11 +13,10 @@ from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend.information_kernels import weak_axis
 from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
-from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
+from m2wr_maps.se2 import between, compose
 from m2wr_node.kernel_library import prepare
 
 
@@ -48,7 +47,6 @@ def rare_work(mapper: Mapper) -> None:
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
-    wrapped(4.0)                # navigation calls it
     particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))

@@ -26,8 +26,8 @@ from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
 from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
-from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.workers import Workers
+from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
-    from m2wr_gmapping.io.saved_map import SavedMap
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
 LEVEL = (0.0, 0.0)

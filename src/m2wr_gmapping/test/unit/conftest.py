@@ -12,7 +12,7 @@ sys.path[:0] = [os.path.join(os.path.dirname(__file__), "..", "..", "src"), os.p
 from m2wr_gmapping.config import GmappingConfig  # noqa: E402
 from m2wr_gmapping.frontend.scan import LaserModel  # noqa: E402
 from m2wr_gmapping.mapper import Mapper  # noqa: E402
-from m2wr_gmapping.se2 import between, compose  # noqa: E402
+from m2wr_maps.se2 import between, compose  # noqa: E402
 from wall_ranges import ranges  # noqa: E402
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.frontend import calibration_kernels as ck
 from m2wr_gmapping.frontend import track as tr
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_maps.se2 import between, compose, inverse
 
 MOUNTS = [(0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (-0.3, 0.1, math.pi), (0.1, -0.2, 1.2)]
 STEPS = [(0.3, 0.0, 0.0), (0.0, 0.0, 0.5), (0.25, 0.02, -0.4), (-0.2, 0.0, 0.1)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.frontend import correlative_kernels as ck
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 
 def room(seed):

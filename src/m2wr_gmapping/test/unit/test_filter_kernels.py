@@ -8,7 +8,7 @@ import pytest
 from m2wr_gmapping.filter import filter_kernels as fk
 from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.se2 import compose, wrap
+from m2wr_maps.se2 import compose, wrap
 
 DEVIATIONS = np.array([0.05, 0.02, 0.01])
 

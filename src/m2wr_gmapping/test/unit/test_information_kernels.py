@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.frontend import information_kernels as ik
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 EXPECTED, PRIOR = np.array([2.0, 1.0, 0.5]), np.array([400.0, 600.0, 1000.0])
 SLOPE = ik.NORMAL_VARIANCE

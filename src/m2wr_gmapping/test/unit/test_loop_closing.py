@@ -16,8 +16,8 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
+from m2wr_maps.se2 import between, compose
 from wall_ranges import ranges
 
 STEP = 0.25

@@ -12,7 +12,7 @@ from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose, wrap
+from m2wr_maps.se2 import between, compose, wrap
 
 
 def errors(mapper, truth):

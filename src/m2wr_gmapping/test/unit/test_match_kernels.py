@@ -163,13 +163,3 @@ def test_prior_constrains_unobserved_directions():
     assert np.allclose(row[:3], start) and row[mk.FOUND] == 0
     row = matched(maps, empty, held, [0.0, 0.0, 3.1 + 2 * math.pi], 1.0)
     assert np.allclose(row[:3], held)                       # a turn more is the same heading
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_solver_equals_numpy(seed):
-    rng = np.random.default_rng(seed)
-    root, g, step = rng.normal(size=(3, 3)), rng.normal(size=3), np.zeros(3)
-    h = root @ root.T + np.eye(3) * 0.1
-    assert mk.solve(h[np.triu_indices(3)], g, step)
-    assert np.allclose(step, np.linalg.solve(h, -g))
-    assert not mk.solve(np.array([1.0, 2.0, 0.0, 1.0, 0.0, 1.0]), g, step)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.filter.motion_model import MotionNoise, sample_motion
-from m2wr_gmapping.se2 import between
+from m2wr_maps.se2 import between
 
 
 def test_motion_noise_follows_the_step():

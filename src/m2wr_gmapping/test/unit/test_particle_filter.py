@@ -7,7 +7,7 @@ from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between
+from m2wr_maps.se2 import between
 
 COUNT, STEP = 20, np.array([0.5, 0.0, 0.0])
 

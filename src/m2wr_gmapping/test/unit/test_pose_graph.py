@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from m2wr_gmapping.backend.pose_graph import optimise
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 
 def ring_graph(rng, noise):

@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.backend import pose_graph_kernels as kernels
 from m2wr_gmapping.backend.pose_graph import optimise
-from m2wr_gmapping.se2 import between, wrap
+from m2wr_maps.se2 import between, wrap
 
 
 def graph(seed, count, links, chained=True):

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Beginning on a saved map: the robot is found, old walls stay, what has changed is unlearnt; reading such maps."""
+"""Beginning on a saved map: the robot is found, old walls stay, what has changed is unlearnt."""
 import numpy as np
 import pytest
 from PIL import Image
 
 from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.io import map_file, state
+from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
-from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_maps import map_file
+from m2wr_maps.saved_map_reader import read_map
+from m2wr_maps.se2 import between, compose, inverse
 
 VALUES = dict(particles=6, linearUpdate=0.5, angularUpdate=0.3)
 
@@ -155,56 +156,12 @@ def test_poses_of_a_laser_beside_the_base(plan, laser, ring):
     mapper.close()
 
 
-# ---- files
-
-GOOD = {"image": "a.pgm", "resolution": 0.1, "origin": [1.0, 2.0, 0.0], "negate": 0, "occupied_thresh": 0.65,
-        "free_thresh": 0.196}
-
-
-def written(tmp_path, **values):
-    """Write a map; a value of None leaves the key out."""
-    lines = ["%s: %s" % item for item in dict(GOOD, **values).items() if item[1] is not None]
-    (tmp_path / "a.yaml").write_text("\n".join(lines) + "\n")
-    Image.fromarray(np.array([[0, 254, 205], [254, 254, 100]], np.uint8)).save(str(tmp_path / "a.pgm"))
-    return str(tmp_path / "a.yaml")
-
-
-def test_row_order_and_thresholds(tmp_path):
-    saved = read_map(written(tmp_path))
-    np.testing.assert_array_equal(saved.data, [[0, 0, -1], [100, 0, -1]])
-    assert saved.origin == (1.0, 2.0) and saved.walls().tolist() == [[1.0], [2.1]]
-    np.testing.assert_array_equal(read_map(written(tmp_path, negate=1)).data[1], [0, 100, 100])
-
-
-@pytest.mark.parametrize("values, words", [
-    (dict(image=None), "expected the keys"), (dict(resolution=None), "resolution is None"),
-    (dict(resolution=-0.05), "expected a number"), (dict(resolution="fine"), "'fine'"),
-    (dict(origin=[1.0, 2.0, 0.5]), "rotated"), (dict(origin="[here]"), "origin"), (dict(origin=None), "origin"),
-    (dict(mode="raw"), "raw"), (dict(occupied_thresh=65), "occupied_thresh is '65'"),
-    (dict(occupied_thresh=1.0), "no cell is occupied"), (dict(image="other.pgm"), "other.pgm: No such file")])
-def test_map_errors_name_the_fault(tmp_path, values, words):
-    with pytest.raises(MapReadingError, match=words):
-        read_map(written(tmp_path, **values))
-
-
-def test_invalid_pictures_are_reported(tmp_path):
-    name = written(tmp_path)
-    for content in (b"", b"P5\n3 2\n255\n\x00", b"not a picture"):
-        (tmp_path / "a.pgm").write_bytes(content)
-        with pytest.raises(MapReadingError, match="a.yaml"):
-            read_map(name)
-    (tmp_path / "a.yaml").write_text("{{{")
-    with pytest.raises(MapReadingError, match="a.yaml"):
-        read_map(name)
-    with pytest.raises(MapReadingError, match="none.yaml: No such file"):
-        read_map(str(tmp_path / "none"))
-
-
 def test_map_and_state_together_are_refused(tmp_path):
     with pytest.raises(state.StateError, match="expected one of them"):
         InitialState.from_files(GmappingConfig.from_mapping(), "a.yaml", None, "a.state")
 
 
 def test_cell_size_is_that_of_the_map(tmp_path):
-    _, config = InitialState.from_files(GmappingConfig.from_mapping({"delta": 0.05}), written(tmp_path))
+    map_file.save(str(tmp_path / "a"), np.array([[100, 0]], np.int8), 0.1, [0.0, 0.0, 0.0])
+    _, config = InitialState.from_files(GmappingConfig.from_mapping({"delta": 0.05}), str(tmp_path / "a.yaml"))
     assert config["delta"] == 0.1

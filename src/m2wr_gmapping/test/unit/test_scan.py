@@ -7,8 +7,9 @@ import pytest
 
 from conftest import drive
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.scan import LaserModel, ScanError, rotation
+from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.frontend.scan_kernels import classify_ranges, surface_normals, with_normals
+from m2wr_maps.transforms import rotation
 
 UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -23,7 +24,6 @@ def ends_in_base(model, ranges):
 
 def expected(angle_min, increment, ranges, mount):
     """The same from first principles: each beam's end in the laser's frame, brought over by the full transform."""
-    from m2wr_gmapping.frontend.scan import rotation
     angles = angle_min + increment * np.arange(len(ranges))
     ends = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))])
     return (rotation(mount[1]) @ ends + np.array(mount[0])[:, None])[:2]

@@ -14,7 +14,7 @@ from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.io import state
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 
 class Ride:

@@ -8,7 +8,7 @@ from m2wr_gmapping.backend.step_history import CHECK_EVERY, FIRST_STEPS, StepHis
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 STEP = np.array([0.5, 0.0, 0.0])
 

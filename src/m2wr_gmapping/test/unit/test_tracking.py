@@ -11,7 +11,7 @@ from m2wr_gmapping.frontend import odometry_kernels as ok
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_maps.se2 import between, compose, inverse
 
 NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
 

@@ -12,7 +12,7 @@ from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances
-from m2wr_gmapping.se2 import between, compose, inverse, wrap
+from m2wr_maps.se2 import between, compose, inverse, wrap
 
 NOISE = MotionNoise(0.03, 0.05, 0.02, 0.04)
 MOUNT = np.array([0.2, -0.1, 0.7])

@@ -14,7 +14,7 @@ from m2wr_gmapping.frontend.occlusion import Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from wall_ranges import ranges
 
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 8.0)

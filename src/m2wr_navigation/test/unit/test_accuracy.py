@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.accuracy import command, scenes
 from m2wr_navigation.accuracy.driven import driven
 from m2wr_navigation.accuracy.navigator import Navigator

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.base_velocity import JUDGED, SILENT, BaseVelocity
 
 PERIOD = 0.05

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from localization_room import room, scan, settings
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from m2wr_navigation.localization.localizer import Localizer
 from m2wr_navigation.localization.odometry_calibration import LIMIT, UNKNOWN, OdometryCalibration
 

@@ -4,7 +4,7 @@ import pytest
 
 import localization_room
 from localization_room import room, scan, settings
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.localization.localizer import Localizer
 from m2wr_navigation.localization.place_search import COPIES, DROPPED, PlaceSearch
 

@@ -25,8 +25,9 @@ def _nothing(source: str) -> object:
     return None
 
 
-def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[str], object] = _nothing) -> None:
-    """Delete the cached kernels of the folder that contains the file ``path`` if a module in it has changed.
+def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[str], object] = _nothing,
+            used: Tuple[str, ...] = ()) -> None:
+    """Delete the cached kernels of the folder that contains the file ``path`` if a module that they use has changed.
 
     A package of kernels calls this when it is imported, before it imports a kernel.  numba stores compiled kernels
     beside the modules, or in a folder of the user if the former cannot be written.  Changes are found by a checksum and
@@ -40,11 +41,13 @@ def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[s
         Ends of the names of the modules that count: kernels, and what kernels import from this folder.
     further : callable
         Returns for the source text of such a module what else its kernels depend on, with a ``repr`` of its own.
+    used : tuple of str
+        Files of other folders with kernels that those of this folder call.
     """
     if kernel.loaded(_top_folder(path)) is not None:
-        kernel.before_numba.append(lambda: _refresh(path, endings, further))
+        kernel.before_numba.append(lambda: _refresh(path, endings, further, used))
         return
-    _refresh(path, endings, further)
+    _refresh(path, endings, further, used)
 
 
 def _top_folder(path: str) -> str:
@@ -55,7 +58,7 @@ def _top_folder(path: str) -> str:
     return folder
 
 
-def _refresh(path: str, endings: Tuple[str, ...], further: Callable[[str], object]) -> None:
+def _refresh(path: str, endings: Tuple[str, ...], further: Callable[[str], object], used: Tuple[str, ...]) -> None:
     folder = os.path.dirname(os.path.abspath(path))
     digest = hashlib.sha1()
     try:
@@ -67,6 +70,9 @@ def _refresh(path: str, endings: Tuple[str, ...], further: Callable[[str], objec
             with open(os.path.join(folder, name), encoding="utf-8") as stream:
                 source = stream.read()
             digest.update(repr((name, source, further(source))).encode())
+        for name in used:
+            with open(name, encoding="utf-8") as stream:
+                digest.update(stream.read().encode())
         stamp, now = os.path.join(cache, _STAMP), digest.hexdigest()
         if _read(stamp) == now:
             return

@@ -59,6 +59,15 @@ def test_a_changed_value_from_elsewhere_drops_the_kernels(folder):
     assert len(cached(folder)) == 2
 
 
+def test_a_change_of_kernels_elsewhere_drops_the_kernels(folder, tmp_path_factory):
+    used = tmp_path_factory.mktemp("elsewhere") / "base_kernels.py"
+    for text, kept in (("SIZE = 1", 0), ("SIZE = 1", 2), ("SIZE = 2", 0)):
+        used.write_text(text)
+        kernel_cache.refresh(str(folder / "__init__.py"), ("kernels.py",), used=(str(used),))
+        assert len(cached(folder)) == kept
+        fill(folder)
+
+
 def test_who_cannot_write_where_the_kernels_are_gets_a_copy(folder, tmp_path, monkeypatch):
     fill(folder)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))

@@ -9,8 +9,8 @@ from PIL import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
 from m2wr_gmapping.graph_view import GraphView
-from m2wr_gmapping.io import map_file
-from m2wr_gmapping.io.saved_map_reader import read_map
+from m2wr_maps import map_file
+from m2wr_maps.saved_map_reader import read_map
 from m2wr_tools.map_figure import command
 from m2wr_tools.map_figure.figure import map_figure
 from m2wr_view.outlines import Outline

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rosbag
 
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_maps.se2 import between, compose, inverse
 from m2wr_tools.slam_benchmark import benchmark_command as command
 from m2wr_tools.slam_benchmark import benchmark_table as table
 from m2wr_tools.slam_benchmark import difficulty_table, log_details

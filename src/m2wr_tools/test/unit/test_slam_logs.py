@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rosbag
 
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 from m2wr_tools.buildings.floor_plan import WALL_THICKNESS, FloorPlan
 from m2wr_tools.slam_benchmark.trajectory_errors import rows
 from m2wr_tools.slam_logs import log_files, log_sets, make_command

@@ -11,7 +11,7 @@ from m2wr_exploration.study.scenes import place, whole_map
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.map_match import match
 from m2wr_exploration.team.merging import merge
-from m2wr_gmapping.io import map_file
+from m2wr_maps import map_file
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_navigation.ros.grid_messages import OCCUPANCY
 from m2wr_node.user_folder import from_user

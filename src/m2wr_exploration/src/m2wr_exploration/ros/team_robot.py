@@ -17,7 +17,7 @@ from m2wr_exploration.frontiers import costs_of_occupancy
 from m2wr_exploration.ros.goals import Goals
 from m2wr_exploration.ros.map_input import TELL, MapInput
 from m2wr_exploration.team.teammates import without
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint_kernels import fill_polygon

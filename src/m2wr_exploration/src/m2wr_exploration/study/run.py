@@ -13,7 +13,7 @@ from m2wr_exploration.frontiers import costs_of_occupancy
 from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.merging import corners
 from m2wr_exploration.team.teammates import without
-from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_maps.se2 import between, compose, inverse
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.best_path.survey import Survey
 from m2wr_navigation.costmap.costmap import Costmap

@@ -16,7 +16,7 @@ from m2wr_exploration.study.truth import explored_share
 from m2wr_exploration.team.merging import merge
 from m2wr_exploration.team.placing import Placing
 from m2wr_exploration.team.trails import Trails
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from m2wr_navigation.costmap.footprint import placed
 from m2wr_sim.api import Sim
 

@@ -23,7 +23,7 @@ import numpy as np
 from scipy import fftpack  # scipy.fft is not in the SciPy of Ubuntu 20.04
 
 from m2wr_exploration.team.merge_kernels import agreement, draw_coarse, find_free_sides
-from m2wr_gmapping.se2 import inverse
+from m2wr_maps.se2 import inverse
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 from m2wr_navigation.localization.field_kernels import distance_transform
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from m2wr_exploration.team.map_match import agreement_of, match, refined
 from m2wr_exploration.team.merging import merge
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 from m2wr_navigation.costmap.footprint import placed
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Deque, Dict, Iterable, List, Mapping
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation.costmap.cost_layout import FREE, NO_INFORMATION
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import placed

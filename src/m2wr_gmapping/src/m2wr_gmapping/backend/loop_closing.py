@@ -19,8 +19,8 @@ from m2wr_gmapping.backend.occlusion import is_contradicted
 from m2wr_gmapping.backend.step_history import turned_step
 from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
+from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.loop_graph import Link

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_gmapping.backend.loop_graph import change_of, is_within
-from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.tuning import LOOPS, SEARCH
+from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph

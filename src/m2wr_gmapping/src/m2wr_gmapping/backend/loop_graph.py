@@ -12,8 +12,8 @@ from m2wr_gmapping.backend.occlusion import is_contradicted
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
-from m2wr_gmapping.se2 import between, compose, wrap
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
+from m2wr_maps.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.step_history import StepHistory

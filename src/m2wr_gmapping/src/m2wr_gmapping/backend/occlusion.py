@@ -8,8 +8,8 @@ import numpy as np
 
 from m2wr_gmapping.backend.facing import opposite_share
 from m2wr_gmapping.frontend.occlusion import conflict_of
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, OCCLUSION, SEARCH
+from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.place_search import Scene

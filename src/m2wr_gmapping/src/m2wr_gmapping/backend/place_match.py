@@ -12,8 +12,8 @@ from m2wr_gmapping.backend.place_query import placed, spread_first, thinned
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NARROW
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, MATCHING, SEARCH
+from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.place_search import Scene

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 
 from m2wr_gmapping.backend import pose_graph_kernels as kernels
-from m2wr_gmapping.se2 import wrap
 from m2wr_gmapping.tuning import LOOPS
+from m2wr_maps.se2 import wrap
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import BoolArray, FloatArray

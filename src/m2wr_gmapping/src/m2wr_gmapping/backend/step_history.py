@@ -13,8 +13,8 @@ import numpy as np
 from m2wr_gmapping.frontend.calibration_kernels import changed_steps, symmetric_inverse
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information
 from m2wr_gmapping.frontend.track import CALIBRATION_CHANGE, CALIBRATION_PRIOR, RECORD_SIZE
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import DRIFT
+from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import BoolArray, FloatArray

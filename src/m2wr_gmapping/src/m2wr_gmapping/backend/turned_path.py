@@ -22,8 +22,8 @@ from m2wr_gmapping.backend.place_query import evenly, few_points, wide_query
 from m2wr_gmapping.backend.place_search import near_places
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
-from m2wr_gmapping.se2 import between, compose, inverse, wrap
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
+from m2wr_maps.se2 import between, compose, inverse, wrap
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

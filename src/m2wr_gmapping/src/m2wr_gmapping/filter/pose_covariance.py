@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.se2 import wrap
+from m2wr_maps.se2 import wrap
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray

@@ -16,7 +16,7 @@ from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.standstill import turn_cost
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.config import GmappingConfig

@@ -8,7 +8,7 @@ import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.occlusion_kernels import passed_through
-from m2wr_gmapping.se2 import between
+from m2wr_maps.se2 import between
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading

@@ -10,13 +10,14 @@ import functools
 import math
 from array import array
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
+from m2wr_maps.transforms import rotation
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,25 +32,11 @@ class ScanError(ValueError):
     """A scan or the mount of its laser cannot be used; the message says what was found and expected."""
 
 
-def rotation(quaternion: ArrayLike) -> FloatArray:
-    """Return the rotation matrix (3, 3) of a quaternion x, y, z, w of any length but 0."""
-    x, y, z, w = np.asarray(quaternion, float) / np.linalg.norm(quaternion)
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
-
-
 def _parts(quaternion: Vector) -> Tuple[float, float, float, float, float]:
     """Return x, y, z, w of a quaternion, and 2 / squared length; NaN if the length is 0."""
     x, y, z, w = (float(value) for value in quaternion)
     squared = x * x + y * y + z * z + w * w
     return x, y, z, w, 2.0 / squared if squared else math.nan
-
-
-def transform_parts(transform: Any) -> Tuple[Tuple[float, float, float], Tuple[float, float, float, float]]:
-    """Return translation and quaternion x, y, z, w of a TransformStamped."""
-    t, r = transform.transform.translation, transform.transform.rotation
-    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
 
 
 @dataclass(frozen=True)

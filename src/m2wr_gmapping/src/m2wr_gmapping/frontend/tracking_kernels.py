@@ -21,7 +21,6 @@ from m2wr_gmapping.frontend.calibration_kernels import (
 )
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information, scan_vector
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
-from m2wr_gmapping.frontend.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_gmapping.frontend.track import (
     CALIBRATION_CHANGE,
     CALIBRATION_PRIOR,
@@ -32,6 +31,7 @@ from m2wr_gmapping.frontend.track import (
     request_of,
     track_of,
 )
+from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:

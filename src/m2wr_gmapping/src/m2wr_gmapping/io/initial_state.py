@@ -9,17 +9,17 @@ import numpy as np
 
 from m2wr_gmapping.frontend.scan import ScanError
 from m2wr_gmapping.io import state
-from m2wr_gmapping.io.saved_map_reader import read_map
 from m2wr_gmapping.mapper import Mapper, is_usable
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.saved_map_reader import read_map
+from m2wr_maps.se2 import compose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
-    from m2wr_gmapping.io.saved_map import SavedMap
     from m2wr_gmapping.io.state import State
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
 SAME = 1e-3         # lasers agree within this [m, rad]

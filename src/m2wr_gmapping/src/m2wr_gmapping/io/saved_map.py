@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,36 +12,10 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan import ScanReading
 
 if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray, Int8Array
+    from m2wr_maps.saved_map import SavedMap
+    from m2wr_node.array_types import FloatArray
 
 SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
-
-
-@dataclass(frozen=True)
-class SavedMap:
-    """An occupancy grid from a file.
-
-    Attributes
-    ----------
-    data : (H, W) int8
-        -1 unknown, 0 free, 100 occupied; row 0 is the lowest y.
-    resolution : float
-        Cell size [m].
-    origin : (2,) float
-        Centre of cell (0, 0) in ``map`` [m].
-    name : str
-        For messages.
-    """
-
-    data: Int8Array
-    resolution: float
-    origin: Tuple[float, float]
-    name: str = ""
-
-    def walls(self) -> FloatArray:
-        """Return the centres (2, M) of the occupied cells in ``map`` [m]."""
-        rows, columns = np.nonzero(self.data == 100)
-        return np.stack([self.origin[0] + self.resolution * columns, self.origin[1] + self.resolution * rows])
 
 
 class MapReading(ScanReading):

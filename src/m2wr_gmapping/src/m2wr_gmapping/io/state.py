@@ -21,8 +21,8 @@ from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_layout
 from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
+from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,8 +18,9 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.frontend.view_memory import SECTORS
-from m2wr_gmapping.io.saved_map import MapReading, SavedMap
+from m2wr_gmapping.io.saved_map import MapReading
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
+from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
 FORMAT = Format(name="m2wr_gmapping state", version=12, program="slam_gmapping",

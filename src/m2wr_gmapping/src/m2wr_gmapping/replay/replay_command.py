@@ -17,7 +17,6 @@ from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
-from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.replay import result_files
 from m2wr_gmapping.replay.bag_messages import BagError, BagFile
@@ -34,6 +33,7 @@ from m2wr_gmapping.scan_account import (
     SETTLING,
     THROTTLED,
 )
+from m2wr_maps.saved_map_reader import MapReadingError
 from m2wr_node.heap_memory import use_one_heap
 from m2wr_node.numbers import number
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.mapper import Mapper
-    from m2wr_gmapping.replay.scan_source import Transform
     from m2wr_gmapping.ros.replay_node import ReplayNode
+    from m2wr_maps.transforms import Transform
     from m2wr_node.array_types import FloatArray
 
 log = logging.getLogger("slam_gmapping_replay")

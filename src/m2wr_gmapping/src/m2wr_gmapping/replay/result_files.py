@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Tuple
 
 from m2wr_files.atomic_files import write_atomically
 from m2wr_gmapping.graph_view import graph_of
-from m2wr_gmapping.io import map_file, state
+from m2wr_gmapping.io import state
+from m2wr_maps import map_file
 
 if TYPE_CHECKING:
     import argparse

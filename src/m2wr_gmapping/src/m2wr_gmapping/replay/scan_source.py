@@ -11,7 +11,6 @@ import tf2_ros
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
 from m2wr_gmapping.scan_account import (
     BAD_HEADER,
@@ -22,6 +21,7 @@ from m2wr_gmapping.scan_account import (
     UNREADABLE,
     ScanAccount,
 )
+from m2wr_maps.transforms import transform_parts
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 if TYPE_CHECKING:
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
 
     from m2wr_gmapping.replay.bag_messages import BagFile, Message
-
-    Transform = Tuple[Tuple[float, float, float], Tuple[float, float, float, float]]    # translation, quaternion
+    from m2wr_maps.transforms import Transform
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between
+from m2wr_maps.se2 import between
 
 if TYPE_CHECKING:
     from m2wr_gmapping.mapper import Mapper

@@ -10,8 +10,8 @@ from typing import List, Sequence
 
 import rospy
 
-from m2wr_gmapping.io import map_file
 from m2wr_gmapping.ros.message_conversion import ArrayGrid
+from m2wr_maps import map_file
 from m2wr_node.ros.starting import start_node
 
 WAIT_WARNING = 5.0      # [s], wall
@@ -47,7 +47,7 @@ def save(message: ArrayGrid, options: argparse.Namespace) -> List[str]:
     Raises
     ------
     ValueError, MapFileError
-        As of ``m2wr_gmapping.io.map_file.save``.
+        As of ``m2wr_maps.map_file.save``.
     """
     info = message.info
     data = message.data.reshape(info.height, info.width)

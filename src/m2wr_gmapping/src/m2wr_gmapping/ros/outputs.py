@@ -28,7 +28,7 @@ from m2wr_gmapping.ros.message_conversion import (
 )
 from m2wr_gmapping.ros.scan_input import Intake
 from m2wr_gmapping.scan_account import EARLY, NO_TRANSFORM, PASSED_OVER, REFUSED
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 
 if TYPE_CHECKING:
     import genpy

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Callable, Deque, Dict, List, Optional, Set, Tu
 import rospy
 import tf2_ros
 
-from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
 from m2wr_gmapping.ros.missing_inputs import usual_source
 from m2wr_gmapping.scan_account import (
@@ -26,6 +25,7 @@ from m2wr_gmapping.scan_account import (
     TIME_JUMP,
     ScanAccount,
 )
+from m2wr_maps.transforms import transform_parts
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
     from tf2_msgs.msg import TFMessage
 
-    from m2wr_gmapping.replay.scan_source import Transform
+    from m2wr_maps.transforms import Transform
 
 BUFFER = 60.0               # length of the transform buffer [s]
 OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]

@@ -21,9 +21,8 @@ from m2wr_files.safe_paths import OutsideError, confined
 from m2wr_gmapping.config import ConfigError
 from m2wr_gmapping.frontend.mount_check import MountCheck
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
-from m2wr_gmapping.io import map_file, state
+from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
-from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
@@ -42,6 +41,8 @@ from m2wr_gmapping.ros.scan_input import Intake
 from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
 from m2wr_gmapping.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_gmapping.srv import StateFile, StateFileResponse
+from m2wr_maps import map_file
+from m2wr_maps.saved_map_reader import MapReadingError
 from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import frame
@@ -50,8 +51,8 @@ from m2wr_node.user_folder import from_user
 if TYPE_CHECKING:
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.mapper import Mapper
-    from m2wr_gmapping.replay.scan_source import Transform
     from m2wr_gmapping.ros.node_parameters import NodeOptions
+    from m2wr_maps.transforms import Transform
 
 SWITCH_INTERVAL = 0.0005    # callbacks of scans should not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200

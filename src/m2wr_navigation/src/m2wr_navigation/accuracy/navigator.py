@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_navigation import registry
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.cost_layout import LETHAL

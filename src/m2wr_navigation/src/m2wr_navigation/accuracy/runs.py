@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, List, Mapping, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from m2wr_navigation.accuracy.driven import M2WR_DRIVEN
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Dict, Tuple
 import numpy as np
 import yaml
 
-from m2wr_gmapping.se2 import between
+from m2wr_maps.se2 import between
 from m2wr_navigation import registry
 from m2wr_navigation.accuracy.navigator import Navigator
 from m2wr_navigation.barn.score import COLLISION

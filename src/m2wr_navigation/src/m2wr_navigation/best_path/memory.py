@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from m2wr_files.atomic_files import write_atomically
-from m2wr_gmapping.io import map_file
-from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
+from m2wr_maps import map_file
+from m2wr_maps.saved_map_reader import MapReadingError, read_map
 from m2wr_navigation.best_path.track import Track
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Mapping, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_navigation.controllers.controller import Command, Controller
 from m2wr_navigation.controllers.plan_progress import PlanProgress
 from m2wr_navigation.costmap.cost_layout import LETHAL

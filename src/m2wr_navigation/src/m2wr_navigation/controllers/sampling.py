@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_navigation.controllers import distance_kernels, escape_kernels, rollout_kernels
 from m2wr_navigation.controllers.arrival import Arrival
 from m2wr_navigation.controllers.controller import Command, Controller

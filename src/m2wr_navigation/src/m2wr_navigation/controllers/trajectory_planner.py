@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Dict, List, Mapping, Optional, 
 
 import numpy as np
 
-from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_navigation.controllers import rollout_kernels as kernels
 from m2wr_navigation.controllers.controller import Command
 from m2wr_navigation.controllers.sampling import (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.scan import rotation
+from m2wr_maps.transforms import rotation
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import BoolArray, FloatArray, IndexArray

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose, inverse, wrap
+from m2wr_maps.se2 import compose, inverse, wrap
 from m2wr_navigation.localization.odometry_calibration import OdometryCalibration
 from m2wr_navigation.localization.particle_filter import CERTAIN, Cluster, ParticleFilter
 from m2wr_navigation.localization.sensor_models import LEAST_SHARE, MATCH_ROUNDS, match

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between, compose, wrap
+from m2wr_maps.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Mapping, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from m2wr_navigation.localization import place_kernels as kernels
 from m2wr_navigation.localization.sensor_models import match
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.match_kernels import solve
+from m2wr_maps.linear_kernels import solve
 from m2wr_node.kernel import fast_kernel, kernel
 
 if TYPE_CHECKING:

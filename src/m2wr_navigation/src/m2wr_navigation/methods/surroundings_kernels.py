@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 from m2wr_gmapping.ros.message_conversion import ArrayGrid
 from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
 from m2wr_gmapping.ros.scan_input import Intake, Wording
-from m2wr_gmapping.se2 import between, compose
+from m2wr_maps.se2 import between, compose
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS, checked
 from m2wr_navigation.localization.beams import Beams, ScanError, ScanGeometry
 from m2wr_navigation.localization.kernel_tour import compile_localization_kernels
@@ -36,7 +36,7 @@ from m2wr_node.ros.starting import start_node
 if TYPE_CHECKING:
     import genpy
 
-    from m2wr_gmapping.replay.scan_source import Transform
+    from m2wr_maps.transforms import Transform
     from m2wr_node.array_types import FloatArray
 
 SCAN_QUEUE = 100            # scans that may wait for transforms, amcl's

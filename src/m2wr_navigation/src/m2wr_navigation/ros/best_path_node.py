@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
+from m2wr_maps.saved_map_reader import MapReadingError, read_map
 from m2wr_navigation.best_path.driver import BestPath
 from m2wr_navigation.best_path.memory import PERIOD as STORED
 from m2wr_navigation.best_path.memory import REACHED, Memory, Run, load

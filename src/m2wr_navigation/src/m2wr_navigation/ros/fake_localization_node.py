@@ -13,9 +13,9 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformSta
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.ros.message_conversion import pose_message, poses_message
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
+from m2wr_maps.transforms import transform_parts
 from m2wr_navigation.parameters import Parameter, read, text, unknown
 from m2wr_navigation.ros.amcl_messages import checked_pose, planar, pose_of_message
 from m2wr_node.ros.shutdown import at_shutdown

@@ -22,7 +22,7 @@ from move_base_msgs.msg import (
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Empty, EmptyResponse
 
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 from m2wr_navigation import registry
 from m2wr_navigation.base_velocity import BaseVelocity
 from m2wr_navigation.controllers.controller import Situation

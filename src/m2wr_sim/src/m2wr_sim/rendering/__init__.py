@@ -8,12 +8,6 @@ import os
 
 from m2wr_node import kernel_cache
 
-
-def _base_kernels(source: str) -> str:
-    """Return the source of the module from which these kernels import functions."""
-    path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "sensors", "base_kernels.py")
-    with open(path, encoding="utf-8") as stream:
-        return stream.read()
-
-
-kernel_cache.refresh(__file__, further=_base_kernels)
+# these kernels call functions of that module
+_BASE_KERNELS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "sensors", "base_kernels.py")
+kernel_cache.refresh(__file__, used=(_BASE_KERNELS,))

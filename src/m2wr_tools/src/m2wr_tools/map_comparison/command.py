@@ -12,6 +12,7 @@ import rospy
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 
+from m2wr_maps.map_input import MapInputError, number, origin_of, read_pixels, read_values
 from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import SimError, WorldError
@@ -19,7 +20,6 @@ from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_tools.map_comparison.agreement import SLICE, Truth, compare, format_agreement, picture
-from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values
 
 if TYPE_CHECKING:
     import argparse

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, List, Optional
 
 from m2wr_files.state_file import StateError
 from m2wr_gmapping import graph_view
-from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
+from m2wr_maps.saved_map_reader import MapReadingError, read_map
 from m2wr_tools.map_figure.arguments import parser
 from m2wr_tools.map_figure.figure import FigureError, map_figure, write
 from m2wr_tools.slam_benchmark.laser_logs import LogError

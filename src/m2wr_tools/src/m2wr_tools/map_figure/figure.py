@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_tools.map_figure.graph_layer import draw_graph
 from m2wr_view.outlines import convex_hull
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from m2wr_gmapping.graph_view import GraphView
-    from m2wr_gmapping.io.saved_map_reader import SavedMap
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
     from m2wr_view.outlines import Outline
 

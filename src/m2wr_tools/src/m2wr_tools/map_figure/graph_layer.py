@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

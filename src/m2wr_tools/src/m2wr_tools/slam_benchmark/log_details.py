@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose, inverse, wrap
+from m2wr_maps.se2 import compose, inverse, wrap
 from m2wr_node.numbers import number
 from m2wr_tools.slam_benchmark.laser_logs import LogError
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between, compose, wrap
+from m2wr_maps.se2 import between, compose, wrap
 from m2wr_tools.slam_benchmark.laser_logs import EPOCH, LogError, odometry, opened
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Iterator, List, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import wrap
+from m2wr_maps.se2 import wrap
 from m2wr_sim.api import Sim
 from m2wr_tools.buildings.free_path import FreeSpace, NoPathError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose, inverse
+from m2wr_maps.se2 import compose, inverse
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, List, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.se2 import compose
+from m2wr_maps.se2 import compose
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Cylinder, Noise, RayScan
 from m2wr_sim.sensors.laser import LaserSensor

@@ -3,7 +3,7 @@
 import pytest
 from PIL import Image
 
-from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
+from m2wr_maps.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
 YAML = "image: a.png\nresolution: {}\norigin: {}\nnegate: {}\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from m2wr_gmapping.io import map_file
+from m2wr_maps import map_file
 
 DATA = np.array([[-1, 0, 100], [25, 26, 65]], np.int8)
 

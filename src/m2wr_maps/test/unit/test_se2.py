@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from m2wr_gmapping.se2 import between, compose, inverse, wrap
+from m2wr_maps.se2 import between, compose, inverse, wrap
 
 
 def test_poses_compose_and_invert():

@@ -12,7 +12,7 @@ import yaml
 from PIL import Image
 
 from m2wr_files.atomic_files import PREFIX, write_atomically
-from m2wr_gmapping.io import map_file
+from m2wr_maps import map_file
 
 MOST_CALLS = 1000
 

@@ -6,8 +6,8 @@ import os
 
 import numpy as np
 
-from m2wr_gmapping.io.saved_map import SavedMap
-from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
+from m2wr_maps.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
+from m2wr_maps.saved_map import SavedMap
 
 
 class MapReadingError(ValueError):

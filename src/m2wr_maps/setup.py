@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(
+    packages=['m2wr_maps'],
+    package_dir={'': 'src'},
+))

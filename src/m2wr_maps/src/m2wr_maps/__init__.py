@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Planar poses, occupancy grids and saved maps that mapping, navigation and exploration share."""
