@@ -9,7 +9,7 @@ import rospy
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 
-from m2wr_gmapping.ros.message_conversion import ArrayGrid, ArrayMapAnswer, pose_message
+from m2wr_maps.ros.message_conversion import ArrayGrid, ArrayMapAnswer, grid_message
 from m2wr_node.ros.starting import start_node
 from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
 
@@ -38,14 +38,7 @@ def message_of(saved: SavedMap, frame: str) -> ArrayGrid:
     frame : str
         Frame of the map.
     """
-    message = ArrayGrid()
-    message.header.frame_id = frame
-    message.header.stamp = message.info.map_load_time = rospy.Time.now()
-    message.info.resolution = saved.resolution
-    message.info.height, message.info.width = saved.data.shape
-    message.info.origin = pose_message(saved.origin)
-    message.data = saved.data.ravel()
-    return message
+    return grid_message(saved.data, saved.resolution, saved.origin, frame, rospy.Time.now())
 
 
 def main() -> int:

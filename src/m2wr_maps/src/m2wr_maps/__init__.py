@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Planar poses, occupancy grids and saved maps that mapping, navigation and exploration share."""
+"""Poses, grids, saved maps and incoming scans that mapping, navigation and exploration share; ROS in ``ros`` only."""

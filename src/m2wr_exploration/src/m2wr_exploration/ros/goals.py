@@ -11,7 +11,7 @@ from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_maps.ros.message_conversion import pose_message
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray

@@ -28,7 +28,7 @@ from m2wr_exploration.ros.team_report import TeamReport
 from m2wr_exploration.ros.team_robot import TeamRobot
 from m2wr_exploration.team.placing import Placing
 from m2wr_exploration.team.trails import Trails
-from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_maps.ros.message_conversion import pose_message
 from m2wr_navigation.costmap.footprint import FootprintError, checked, placed
 from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.registry import UnknownPluginError

@@ -23,7 +23,8 @@ from m2wr_gmapping.replay.bag_messages import BagError, BagFile
 from m2wr_gmapping.replay.master_check import master_answers
 from m2wr_gmapping.replay.run_statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.replay.scan_source import ScanSource
-from m2wr_gmapping.scan_account import (
+from m2wr_maps.saved_map_reader import MapReadingError
+from m2wr_maps.scan_account import (
     AT_END,
     BAD_HEADER,
     EARLY,
@@ -33,7 +34,6 @@ from m2wr_gmapping.scan_account import (
     SETTLING,
     THROTTLED,
 )
-from m2wr_maps.saved_map_reader import MapReadingError
 from m2wr_node.heap_memory import use_one_heap
 from m2wr_node.numbers import number
 

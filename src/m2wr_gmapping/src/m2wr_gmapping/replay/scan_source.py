@@ -11,8 +11,8 @@ import tf2_ros
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
-from m2wr_gmapping.scan_account import (
+from m2wr_maps.ros.future_transforms import JUMP, FarAhead, LatestStamps
+from m2wr_maps.scan_account import (
     BAD_HEADER,
     EARLY,
     NO_TRANSFORM,

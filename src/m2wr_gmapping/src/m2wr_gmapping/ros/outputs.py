@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 from m2wr_gmapping.filter.pose_covariance import covariance
 from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.replay.run_statistics import peak_memory_mib
-from m2wr_gmapping.ros.message_conversion import (
+from m2wr_maps.ros.message_conversion import (
     ArrayMapAnswer,
     covariance36,
     grid_message,
@@ -26,8 +26,8 @@ from m2wr_gmapping.ros.message_conversion import (
     pose_message,
     poses_message,
 )
-from m2wr_gmapping.ros.scan_input import Intake
-from m2wr_gmapping.scan_account import EARLY, NO_TRANSFORM, PASSED_OVER, REFUSED
+from m2wr_maps.ros.scan_input import Intake
+from m2wr_maps.scan_account import EARLY, NO_TRANSFORM, PASSED_OVER, REFUSED
 from m2wr_maps.se2 import compose, inverse
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.mapper import Mapper, Update
-    from m2wr_gmapping.ros.message_conversion import ArrayGrid
+    from m2wr_maps.ros.message_conversion import ArrayGrid
     from m2wr_node.array_types import FloatArray
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
@@ -73,7 +73,7 @@ class MapTopics:
         ArrayGrid
             The message.
         """
-        message = grid_message(grid, self._frame, rospy.Time.now())
+        message = grid_message(grid.data, grid.resolution, (*grid.origin, 0.0), self._frame, rospy.Time.now())
         self._newest = message
         self._map.publish(message)
         self._info.publish(message.info)

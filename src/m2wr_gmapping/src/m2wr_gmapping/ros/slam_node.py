@@ -25,7 +25,6 @@ from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass
-from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
 from m2wr_gmapping.ros.node_parameters import (
     check_frames,
     private_parameters,
@@ -37,12 +36,13 @@ from m2wr_gmapping.ros.node_parameters import (
 )
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
-from m2wr_gmapping.ros.scan_input import Intake
 from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
-from m2wr_gmapping.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_maps import map_file
+from m2wr_maps.ros.missing_inputs import warn_about_missing_inputs
+from m2wr_maps.ros.scan_input import Intake, Wording
 from m2wr_maps.saved_map_reader import MapReadingError
+from m2wr_maps.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_node.ros.shutdown import until_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import frame
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.ros.node_parameters import NodeOptions
     from m2wr_maps.transforms import Transform
 
+WORDING = Wording("odom_frame", "base_frame", "set ~transform_publish_period to 0", "a new map is started")
 SWITCH_INTERVAL = 0.0005    # callbacks of scans should not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200
 PASSED_WARNING = 30.0       # time between two warnings about scans that are passed over [s]
@@ -91,7 +92,7 @@ class SlamNode:
         self._maps = MapOutput(self._map_frame)
         self._poses = PoseOutput(self._map_frame)
         self._transform = transform = TransformOutput(config)
-        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame,
+        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, WORDING, self._map_frame,
                               lambda: transform.period > 0.0)
         self._diagnostics = Diagnostics(self._intake, lambda: (self._mapper, list(self._times)), self._maps,
                                         options.scan_queue)

@@ -16,9 +16,9 @@ from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty, EmptyResponse
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.message_conversion import ArrayGrid
-from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
-from m2wr_gmapping.ros.scan_input import Intake, Wording
+from m2wr_maps.ros.message_conversion import ArrayGrid
+from m2wr_maps.ros.missing_inputs import warn_about_missing_inputs
+from m2wr_maps.ros.scan_input import Intake, Wording
 from m2wr_maps.se2 import between, compose
 from m2wr_navigation.localization.amcl_parameters import PARAMETERS, checked
 from m2wr_navigation.localization.beams import Beams, ScanError, ScanGeometry
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray
 
 SCAN_QUEUE = 100            # scans that may wait for transforms, amcl's
+WORDING = Wording("odom_frame_id", "base_frame_id", "set ~tf_broadcast to false",
+                  "the robot is taken to be at its initial pose again")
 INITIAL = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
 INITIAL_COVARIANCE = ("initial_cov_xx", "initial_cov_yy", "initial_cov_aa")
 
@@ -64,10 +66,7 @@ class AmclNode:
         self._generation = 0
         self._refused: Dict[str, int] = {}
         self._outputs = Outputs(values)
-        self._intake = Intake(
-            self._odom, SCAN_QUEUE, self._map, lambda: bool(self._values["tf_broadcast"]), Wording(
-                "odom_frame_id", "base_frame_id", "set ~tf_broadcast to false",
-                "the robot is taken to be at its initial pose again"))
+        self._intake = Intake(self._odom, SCAN_QUEUE, WORDING, self._map, lambda: bool(self._values["tf_broadcast"]))
         intake = self._intake
         rospy.Subscriber("/tf_static", TFMessage, lambda message: intake.on_transforms(message, True), queue_size=100)
         rospy.Subscriber("/tf", TFMessage, intake.on_transforms, queue_size=1000, tcp_nodelay=True)

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.message_conversion import covariance36, pose_message, poses_message
+from m2wr_maps.ros.message_conversion import covariance36, pose_message, poses_message
 from m2wr_navigation.localization.confidence import doubt
 
 if TYPE_CHECKING:

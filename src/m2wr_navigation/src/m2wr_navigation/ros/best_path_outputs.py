@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid, Path
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from m2wr_gmapping.ros.message_conversion import path_message
+from m2wr_maps.ros.message_conversion import path_message
 from m2wr_navigation.ros.grid_messages import grid_message
 
 if TYPE_CHECKING:

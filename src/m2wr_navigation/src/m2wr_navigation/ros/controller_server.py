@@ -10,7 +10,7 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from m2wr_gmapping.ros.message_conversion import path_message
+from m2wr_maps.ros.message_conversion import path_message
 from m2wr_navigation import registry
 from m2wr_navigation.parameters import read, unknown
 from m2wr_navigation.ros.grid_messages import cloud_message

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Point32, Polygon, PolygonStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 
-from m2wr_gmapping.ros.message_conversion import ArrayGrid
+from m2wr_maps.ros.message_conversion import ArrayGrid
 from m2wr_navigation import registry
 from m2wr_navigation.costmap import footprint
 from m2wr_navigation.costmap.costmap_parameters import (

@@ -13,7 +13,7 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformSta
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.message_conversion import pose_message, poses_message
+from m2wr_maps.ros.message_conversion import pose_message, poses_message
 from m2wr_maps.se2 import compose, inverse
 from m2wr_maps.transforms import transform_parts
 from m2wr_navigation.parameters import Parameter, read, text, unknown

@@ -9,11 +9,12 @@ import numpy as np
 from map_msgs.msg import OccupancyGridUpdate
 from sensor_msgs.msg import PointCloud2, PointField
 
-from m2wr_gmapping.ros.message_conversion import ArrayGrid, pose_message
+from m2wr_maps.ros import message_conversion
 
 if TYPE_CHECKING:
     import rospy
 
+    from m2wr_maps.ros.message_conversion import ArrayGrid
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.costmap.layer import Window
     from m2wr_node.array_types import Float32Array, FloatArray, Int8Array
@@ -51,14 +52,8 @@ def grid_message(costmap: Costmap, stamp: rospy.Time) -> ArrayGrid:
     costmap : Costmap
     stamp : rospy.Time
     """
-    message = ArrayGrid()
-    message.header.frame_id, message.header.stamp = costmap.frame, stamp
-    message.info.map_load_time = stamp
-    message.info.resolution = costmap.resolution
-    message.info.height, message.info.width = costmap.shape
-    message.info.origin = pose_message((costmap.origin[0], costmap.origin[1], 0.0))
-    message.data = OCCUPANCY[costmap.costs.ravel()]
-    return message
+    return message_conversion.grid_message(OCCUPANCY[costmap.costs], costmap.resolution, (*costmap.origin, 0.0),
+                                           costmap.frame, stamp)
 
 
 def update_message(costmap: Costmap, window: Window, stamp: rospy.Time) -> ArrayUpdate:

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.srv import GetPlan, GetPlanResponse
 from std_msgs.msg import Header
 
-from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_maps.ros.message_conversion import pose_message
 from m2wr_navigation.ros.poses import GoalError, goal_pose
 from m2wr_navigation.ros.transforms import TransformError
 

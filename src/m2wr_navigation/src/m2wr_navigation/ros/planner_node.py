@@ -7,7 +7,7 @@ from typing import Any, Dict, Type
 import rospy
 from geometry_msgs.msg import PoseStamped
 
-from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_maps.ros.message_conversion import pose_message
 from m2wr_navigation.kernel_warm_up import compile_costmap_kernels, compile_planner_kernels
 from m2wr_navigation.planners.planner import Plan
 from m2wr_navigation.ros.costmap_server import CostmapError, CostmapServer, wait_until_ready

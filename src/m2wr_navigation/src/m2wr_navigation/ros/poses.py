@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rospy
 
-from m2wr_gmapping.ros.message_conversion import pose_message
+from m2wr_maps.ros.message_conversion import pose_message
 from m2wr_maps.se2 import compose
 from m2wr_navigation.ros.transforms import TransformError, yaw_of
 from m2wr_node.ros.transform_buffer import fault_of, frame

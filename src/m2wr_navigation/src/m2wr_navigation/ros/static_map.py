@@ -8,7 +8,7 @@ from typing import Tuple
 import rospy
 from nav_msgs.srv import GetMap
 
-from m2wr_gmapping.ros.message_conversion import ArrayMapAnswer
+from m2wr_maps.ros.message_conversion import ArrayMapAnswer
 from m2wr_navigation.localization.localization_map import LocalizationMap, MapError
 from m2wr_navigation.ros.amcl_messages import map_of_message
 

@@ -10,8 +10,7 @@ from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMapResponse
 from std_msgs.msg import Header
 
-from m2wr_gmapping.filter.occupancy import Grid
-from m2wr_gmapping.ros.message_conversion import (
+from m2wr_maps.ros.message_conversion import (
     ArrayGrid,
     ArrayMapAnswer,
     covariance36,
@@ -25,7 +24,7 @@ from m2wr_gmapping.ros.message_conversion import (
 @pytest.fixture
 def message():
     data = np.random.default_rng(1).choice(np.array([-1, 0, 100], np.int8), (7, 5))
-    return grid_message(Grid(data, 0.25, np.array([-1.0, 2.0])), "a/map", Time(3, 4))
+    return grid_message(data, 0.25, (-1.0, 2.0, 0.5), "a/map", Time(3, 4))
 
 
 def written(message):

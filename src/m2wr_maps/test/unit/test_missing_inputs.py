@@ -4,7 +4,7 @@
 import pytest
 import rospy
 
-from m2wr_gmapping.ros.missing_inputs import no_scan, usual_source, warn_about_missing_inputs
+from m2wr_maps.ros.missing_inputs import no_scan, usual_source, warn_about_missing_inputs
 
 SCAN = "sensor_msgs/LaserScan"
 

@@ -2,7 +2,7 @@
 """Counts of scans that are not used."""
 import threading
 
-from m2wr_gmapping.scan_account import DROPPED, NO_TRANSFORM, OUT_OF_ORDER, REFUSED, ScanAccount
+from m2wr_maps.scan_account import DROPPED, NO_TRANSFORM, OUT_OF_ORDER, REFUSED, ScanAccount
 
 
 def test_scans_are_counted_by_reason():

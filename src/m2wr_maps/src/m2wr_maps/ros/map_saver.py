@@ -10,8 +10,8 @@ from typing import List, Sequence
 
 import rospy
 
-from m2wr_gmapping.ros.message_conversion import ArrayGrid
 from m2wr_maps import map_file
+from m2wr_maps.ros.message_conversion import ArrayGrid
 from m2wr_node.ros.starting import start_node
 
 WAIT_WARNING = 5.0      # [s], wall

@@ -8,7 +8,7 @@ import rospy
 from sensor_msgs.msg import LaserScan
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.ros.scan_input import Intake
+    from m2wr_maps.ros.scan_input import Intake
 
 FIRST, PERIOD = 5.0, 10.0   # until the first warning, and between two [s], wall
 APART = 10.0                # a larger difference of stamps means different clocks [s]

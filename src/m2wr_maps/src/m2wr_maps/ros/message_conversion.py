@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     import genpy
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.filter.occupancy import Grid
-    from m2wr_node.array_types import FloatArray
+    from m2wr_node.array_types import FloatArray, Int8Array
 
 _COUNT = struct.Struct("<I")
 
@@ -148,12 +147,18 @@ def pose_message(pose: Union[Sequence[float], FloatArray]) -> Pose:
                 Quaternion(0.0, 0.0, math.sin(0.5 * pose[2]), math.cos(0.5 * pose[2])))
 
 
-def grid_message(grid: Grid, frame: str, stamp: genpy.Time) -> ArrayGrid:
+def grid_message(data: Int8Array, resolution: float, origin: Union[Sequence[float], FloatArray], frame: str,
+                 stamp: genpy.Time) -> ArrayGrid:
     """Return the message of a map.
 
     Parameters
     ----------
-    grid : Grid
+    data : (H, W) int8
+        -1 unknown, 0 free to 100 occupied; row 0 is the lowest y.
+    resolution : float
+        Cell size [m].
+    origin : (3,) float
+        x, y [m], yaw [rad] of the map's lower left corner in its frame.
     frame : str
         Frame of the map.
     stamp : genpy.Time
@@ -161,10 +166,10 @@ def grid_message(grid: Grid, frame: str, stamp: genpy.Time) -> ArrayGrid:
     message = ArrayGrid()
     message.header.frame_id, message.header.stamp = frame, stamp
     message.info.map_load_time = stamp
-    message.info.resolution = grid.resolution
-    message.info.height, message.info.width = grid.data.shape
-    message.info.origin = pose_message((grid.origin[0], grid.origin[1], 0.0))
-    message.data = grid.data.ravel()
+    message.info.resolution = resolution
+    message.info.height, message.info.width = data.shape
+    message.info.origin = pose_message(origin)
+    message.data = data.ravel()
     return message
 
 

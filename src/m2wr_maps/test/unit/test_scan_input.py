@@ -10,8 +10,10 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.scan_input import BUFFER, Intake
-from m2wr_gmapping.scan_account import AT_END, BAD_HEADER, EARLY, NO_TRANSFORM, OUT_OF_ORDER, QUEUE_FULL
+from m2wr_maps.ros.scan_input import BUFFER, Intake, Wording
+from m2wr_maps.scan_account import AT_END, BAD_HEADER, EARLY, NO_TRANSFORM, OUT_OF_ORDER, QUEUE_FULL
+
+WORDING = Wording("odom_frame", "base_frame", "set ~transform_publish_period to 0", "a new map is started")
 
 
 def waiting_scan(frame, seconds):
@@ -45,7 +47,7 @@ def test_concurrent_clock_reads_are_no_jump(monkeypatch):
     clock = FakeTime()
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy.Time, "now", clock.now)
-    intake = Intake("odom", 10)
+    intake = Intake("odom", 10, WORDING)
 
     def bring(count):
         for _ in range(count):
@@ -61,7 +63,7 @@ def test_concurrent_clock_reads_are_no_jump(monkeypatch):
 
 def test_clock_jump_back_is_detected(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
-    intake = Intake("odom", 10)
+    intake = Intake("odom", 10, WORDING)
     for seconds, generation in ((10.0, 0), (11.0, 0), (11.0, 0), (9.9, 1), (10.0, 1)):
         monkeypatch.setattr(rospy.Time, "now", lambda seconds=seconds: rospy.Time.from_sec(seconds))
         scan = LaserScan()
@@ -74,7 +76,7 @@ def test_small_clock_offset_is_no_jump(monkeypatch):
     """As a bag that was recorded with its /clock gives them, beside that of its player."""
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
-    intake = Intake("odom", 10)
+    intake = Intake("odom", 10, WORDING)
     for k in range(100):
         for late in (0.0, 0.008):
             monkeypatch.setattr(rospy.Time, "now", lambda at=10.0 + 0.1 * k - late: rospy.Time.from_sec(at))
@@ -87,7 +89,7 @@ def intake(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)         # it looks at the clock of a node
     monkeypatch.setattr(rospy, "loginfo", lambda *_: None)
-    return Intake("odom", 500)
+    return Intake("odom", 500, WORDING)
 
 
 def test_scans_leave_in_order_once_their_transform_is_known(intake):
@@ -125,7 +127,7 @@ def test_second_parent_of_odom_is_reported_once(monkeypatch):
     monkeypatch.setattr(rospy, "logwarn", lambda text, *given: told.append(text % given))
     monkeypatch.setattr(rospy, "get_name", lambda: "/me")
     publishes = [False]
-    intake = Intake("odom", 5, "map", lambda: publishes[0])
+    intake = Intake("odom", 5, WORDING, "map", lambda: publishes[0])
 
     def send(parent, sender):
         message = TFMessage([transform(parent, "odom", 1.0), transform("odom", "laser", 1.0)])
@@ -231,7 +233,7 @@ def test_invalid_frame_id_is_refused(intake):
 
 def test_own_map_to_odom_transform_is_ignored(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
-    intake = Intake("odom", 5, "map")
+    intake = Intake("odom", 5, WORDING, "map")
     intake.on_transforms(TFMessage([transform("/map", "odom", 1.0), transform("odom", "laser", 1.0)]))
     intake.on_transforms(TFMessage([transform("map", "beacon", 1.0), transform("earth", "odom", 1.0)]))
     assert intake._frames == {"odom", "laser", "map", "beacon", "earth"}

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Callable, Deque, Dict, List, Optional, Set, Tu
 import rospy
 import tf2_ros
 
-from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
-from m2wr_gmapping.ros.missing_inputs import usual_source
-from m2wr_gmapping.scan_account import (
+from m2wr_maps.ros.future_transforms import JUMP, FarAhead, LatestStamps
+from m2wr_maps.ros.missing_inputs import usual_source
+from m2wr_maps.scan_account import (
     AT_END,
     BAD_HEADER,
     DROPPED,
@@ -56,10 +56,10 @@ class Wording:
         What it does when time jumps back.
     """
 
-    odom_parameter: str = "odom_frame"
-    base_parameter: str = "base_frame"
-    silence: str = "set ~transform_publish_period to 0"
-    after_jump: str = "a new map is started"
+    odom_parameter: str
+    base_parameter: str
+    silence: str
+    after_jump: str
 
 
 class _Waiting:
@@ -95,12 +95,12 @@ class Intake:
     odom_frame : str
     limit : int
         Greatest number of waiting scans; the oldest is dropped first.
+    wording : Wording
+        For messages.
     map_frame : str, optional
-        Transforms from this frame to that of odometry are ignored: they are results of mapping.
+        Transforms from this frame to that of odometry are ignored: they are results of mapping or localization.
     publishes : callable, optional
         Whether this node publishes that transform (bool). If so, other parents of the odometry frame cause a warning.
-    wording : Wording, optional
-        For messages; default: those of the mapper.
 
     Attributes
     ----------
@@ -112,9 +112,9 @@ class Intake:
         The transform that is missing for too long; empty if none is.
     """
 
-    def __init__(self, odom_frame: str, limit: int, map_frame: Optional[str] = None,
-                 publishes: Callable[[], bool] = lambda: False, wording: Optional[Wording] = None) -> None:
-        self._wording = Wording() if wording is None else wording
+    def __init__(self, odom_frame: str, limit: int, wording: Wording, map_frame: Optional[str] = None,
+                 publishes: Callable[[], bool] = lambda: False) -> None:
+        self._wording = wording
         self._odom, self._limit, self._map, self._publishes = odom_frame, limit, map_frame, publishes
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
         self._far_ahead, self._stamps = FarAhead(BUFFER), LatestStamps()
