@@ -123,6 +123,12 @@ def test_the_foundation_depends_on_no_other_package(name):
     assert not (declared(package) | set(needed(package))) & NAMES
 
 
+@pytest.mark.parametrize("name", ["m2wr_campaign", "m2wr_exploration", "m2wr_maps", "m2wr_navigation"])
+def test_python_code_that_does_not_need_the_mapper(name):
+    package = next(package for package in PACKAGES if package.name == name)
+    assert "m2wr_gmapping" not in needed(package)
+
+
 @pytest.mark.parametrize("edges, expected", [
     ({"a": {"b"}, "b": {"c"}}, []), ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["b", "c", "b"]),
     ({"a": {"a"}}, ["a", "a"])])

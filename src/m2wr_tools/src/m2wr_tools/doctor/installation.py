@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from m2wr_tools.doctor.machine import Machine
 
 _AREA = "installation"
-PACKAGES = ("gazebo_msgs", "m2wr_description", "m2wr_gmapping", "m2wr_lockstep", "m2wr_navigation",
-            "m2wr_node", "m2wr_sim", "m2wr_tools", "m2wr_view", "motion_plan")
+PACKAGES = ("gazebo_msgs", "m2wr_description", "m2wr_files", "m2wr_gmapping", "m2wr_lockstep", "m2wr_maps",
+            "m2wr_navigation", "m2wr_node", "m2wr_sim", "m2wr_tools", "m2wr_view", "motion_plan")
 NEEDED = {"rospy": "python3-rospy", "numpy": "python3-numpy", "ode": "python3-pyode", "lxml": "python3-lxml",
           "yaml": "python3-yaml", "rospkg": "python3-rospkg", "xacro": "", "tf2_ros": "python3-tf2-ros",
           "PIL": "python3-pil", "cairo": "python3-cairo", "rosbag": "python3-rosbag", "urdf_parser_py": ""}
