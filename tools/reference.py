@@ -29,7 +29,7 @@ from typing import Any, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 import yaml
 
-from m2wr_gmapping import tuning_table
+from m2wr_tools.slam_benchmark import tuning_table
 
 #: Name, default and meaning of a parameter.
 Parameter = Tuple[str, Any, str]

@@ -6,8 +6,8 @@ from typing import Any, Dict, List, Optional
 
 import numpy as np
 
-from m2wr_gmapping.tuning_table import text_of
 from m2wr_tools.slam_benchmark.benchmark_table import CLOSED
+from m2wr_tools.slam_benchmark.tuning_table import text_of
 
 #: Errors (metres at loop closures) of a variation by log; None for one that has failed.
 Errors = Dict[str, Optional[float]]
