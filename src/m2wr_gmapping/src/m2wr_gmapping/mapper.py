@@ -170,14 +170,14 @@ class Mapper:
             return self._first(reading, odom, stamp)
         tracker, tracked, before = self._tracker, False, self._odom
         self._odom = odom
-        interval = self._gaps.add(stamp)
+        step = between(before, odom)
+        self._gaps.add(stamp)
+        self._standstill.add(stamp, step)
         if tracker is None:
-            step = between(before, odom)
             distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
             particles.drift(step)
         else:
             distance, turn, moved = tracker.advance(before, odom)
-        self._standstill.add(interval, distance, turn)
         self._distance += distance
         self._turn += turn
         due = self._due(stamp)

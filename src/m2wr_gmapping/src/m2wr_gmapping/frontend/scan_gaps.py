@@ -22,9 +22,8 @@ class ScanGaps:
         self._count, self._gaps, self._first, self._last = 0, 0, 0.0, 0.0
         self._steps = self._slips = 0
 
-    def add(self, stamp: float) -> float:
-        """Take note of a scan at a time [s]; return the time since the last one, 0 for the first [s]."""
-        interval = max(0.0, stamp - self._last) if self._count else 0.0
+    def add(self, stamp: float) -> None:
+        """Take note of a scan at a time [s]."""
         if self._count > 1:
             usual = (self._last - self._first) / (self._count - 1)
             longer = stamp - self._last - tuning.TRACKING.missing_scan * usual
@@ -35,7 +34,6 @@ class ScanGaps:
                     self.surprise = max(self.surprise, longer / usual - math.log(self._gaps / self._count))
         self._first = self._first if self._count else stamp
         self._last, self._count = stamp, self._count + 1
-        return interval
 
     def restart(self) -> None:
         """Forget the gaps noticed so far, but not how many they were."""

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from m2wr_gmapping import tuning
+from m2wr_maps.se2 import compose
+
+if TYPE_CHECKING:
+    from m2wr_node.array_types import FloatArray
 
 
 class Standstill:
@@ -24,27 +29,37 @@ class Standstill:
 
     def __init__(self) -> None:
         self.longest = self.unexplained = 0.0
-        self._scans, self._time = 0, 0.0
-        self._motion = np.zeros((2, 2))     # rows distance and rotation; sums of motion, and of motion times speed
+        self._scans, self._first, self._last = 0, 0.0, 0.0
+        self._step = np.zeros(3)            # by odometry since the newest scan
+        self._sums = np.zeros((2, 2))       # rows distance and rotation; sums of motion, and of motion times speed
 
-    def add(self, interval: float, distance: float, turn: float) -> None:
-        """Take note of a scan.
+    def add(self, stamp: float, step: FloatArray) -> None:
+        """Take note of a scan. One that arrives too late is a part of the step to the next one.
 
         Parameters
         ----------
-        interval : float
-            Time since the last scan [s]; not negative.
-        distance, turn : float
-            Motion by odometry since the last scan [m], [rad]; not negative.
+        stamp : float
+            Its time [s].
+        step : (3,) float64
+            Motion by odometry since the last scan that has arrived [m, m, rad].
         """
+        self._step = compose(self._step, step)
+        if not self._scans:
+            self._first = self._last = stamp
+        interval = stamp - self._last
+        if self._scans and not interval > 0.0:
+            return
         self._scans += 1
-        self._time += interval
-        mean, needed = self._time / self._scans, 0.0
-        for motion, sums in zip((distance, turn), self._motion):
+        mean = (stamp - self._first) / max(1, self._scans - 1)
+        x, y, turn = self._step.tolist()
+        needed = 0.0
+        for motion, sums in zip((math.hypot(x, y), abs(turn)), self._sums):
             if mean > 0.0:
-                sums += motion, motion * motion / max(interval, mean)       # some logs have stamps that jitter
+                speed = motion / max(interval, mean)        # some logs have stamps that jitter
+                sums += motion, motion * speed
             if sums[1] > 0.0:
                 needed = max(needed, motion * float(sums[0] / sums[1]))
+        self._step, self._last = np.zeros(3), stamp
         still = max(0.0, interval - needed)
         self.longest = max(self.longest, still)
         self.unexplained += still

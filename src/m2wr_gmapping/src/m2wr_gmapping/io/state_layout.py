@@ -98,7 +98,8 @@ VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
 STANDSTILL = Part({
-    "longest": REAL, "unexplained": REAL, "_scans": COUNT, "_time": REAL, "_motion": Array("float64", "2 2")})
+    "longest": REAL, "unexplained": REAL, "_scans": COUNT, "_first": REAL, "_last": REAL, "_step": POSE,
+    "_sums": Array("float64", "2 2")})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
