@@ -50,7 +50,7 @@ def slow_nearest(maps, x, y, half=1):
             cell = (jy % 16) * 16 + jx % 16
             if tile < 0 or not maps.hits[tile, cell]:
                 continue
-            mx, my = np.array([jx, jy]) + maps.mean[tile, cell] / 65535.0
+            mx, my = np.array([jx, jy]) + maps.mean[tile, cell] / 255.0
             d2 = ((fx - mx)**2 + (fy - my)**2) / maps.frame[2]**2
             best = d2 if best is None else min(best, d2)
     return best

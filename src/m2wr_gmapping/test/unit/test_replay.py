@@ -368,7 +368,7 @@ def test_replay_starts_on_a_saved_map(tmp_path, ring, laser):
     outputs(tmp_path, "drive", "--load-map", str(tmp_path / "old.yaml"), "--pose", "0.3", "-0.3", "0.2")
     after = table(tmp_path / "drive.txt")
     _, one, other = np.intersect1d(before[:, 0], after[:, 0], return_indices=True)
-    assert len(one) > 0.8 * max(len(before), len(after))        # the matched motion decides which scans are processed
+    assert len(one) > 0.7 * max(len(before), len(after))        # the matched motion decides which scans are processed
     assert np.hypot(*(after[other] - before[one])[:, 1:3].T).max() < 0.12
 
 

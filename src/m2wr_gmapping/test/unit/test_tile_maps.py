@@ -8,6 +8,8 @@ import pytest
 from m2wr_gmapping.filter.tile_kernels import bounds, draw_field, tiles_around
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 
+ROUNDED = 0.05 / 255        # a mean is rounded to a 255th of a cell by each hit, half up or down [m]
+
 
 def cells(maps, particle):
     """{(column, row) on the absolute lattice: (hits, mean x, mean y)} of one particle's map."""
@@ -16,7 +18,7 @@ def cells(maps, particle):
         tile = maps.table[particle, ty, tx]
         for cell in np.flatnonzero(maps.hits[tile]):
             x, y = tx * 16 + cell % 16, ty * 16 + cell // 16
-            mean = maps.frame[:2] + (np.array([x, y]) + maps.mean[tile, cell] / 65535.0) / maps.frame[2]
+            mean = maps.frame[:2] + (np.array([x, y]) + maps.mean[tile, cell] / 255.0) / maps.frame[2]
             key = tuple(np.round(maps.frame[:2] / 0.05 + 0.5 + [x, y]).astype(int))
             found[key] = int(maps.hits[tile, cell]), mean[0], mean[1]
     return found
@@ -39,7 +41,7 @@ def plain(scans):
 def same(found, expected):
     assert found.keys() == expected.keys()
     for key, (hits, x, y) in expected.items():
-        assert found[key][0] == hits and abs(found[key][1] - x) < 1e-5 and abs(found[key][2] - y) < 1e-5
+        assert found[key][0] == hits and abs(found[key][1] - x) < ROUNDED and abs(found[key][2] - y) < ROUNDED
 
 
 def fill(maps, particle, pose, points):
@@ -116,7 +118,7 @@ def test_frozen_cells_stay():
     for k in range(6):
         fill(maps, 0, (0, 0, 0), np.array([[1.0 + 0.002 * k], [1.0]]))
     (hits, x, _), = cells(maps, 0).values()
-    assert hits == 3 and abs(x - 1.002) < 1e-5
+    assert hits == 3 and abs(x - 1.002) < ROUNDED
 
 
 def test_table_does_not_grow_beyond_its_limit():

@@ -5,7 +5,7 @@ Array layouts
 -------------
 ``table`` (N, H, W) int32
     Tile of each particle at each place, -1 for none.
-``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+``mean`` (T, 256, 2) uint8, ``hits`` (T, 256) uint8
     Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its
     number of hits, which stops at MOST_HITS.
 ``holders`` (T,) int32
@@ -23,16 +23,16 @@ import numpy as np
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array, Uint16Array
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array
 
 SHIFT, MASK, CELLS = 4, 15, 256
-UNIT, MOST_HITS = 1.0 / 65535, 255
+UNIT, MOST_HITS = 1.0 / 255, 255
 TURNS_TOGETHER = 4              # rotations that tiles_around handles together
-PLACES, PLACE_SHIFT = 8, 13     # positions of a mean in its cell along one axis in draw_field: the upper three bits
+PLACES, PLACE_SHIFT = 8, 5      # positions of a mean in its cell along one axis in draw_field: the upper three bits
 
 
 @kernel
-def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint16Array, hits: Uint8Array, holders: Int32Array,
+def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint8Array, hits: Uint8Array, holders: Int32Array,
            free: Int32Array, counters: IndexArray) -> int:
     """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
     tile = table[n, ty, tx]
@@ -55,7 +55,7 @@ def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint16Array, hits:
 
 
 @kernel
-def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, table: Int32Array, mean: Uint16Array,
+def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, table: Int32Array, mean: Uint8Array,
                     hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
                     frozen: int) -> int:
     """Register end points in the map of one particle. Points outside the table are left out.
@@ -72,7 +72,7 @@ def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, ta
         First point.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.
@@ -143,7 +143,7 @@ def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], 
 
 
 @kernel
-def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array, mean: Uint16Array,
+def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array, mean: Uint8Array,
                    hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
                    frozen: int) -> bool:
     """Register end points in the map of every particle n, seen from ``poses[n]``.
@@ -158,7 +158,7 @@ def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, 
         First particle and point; changed to the next ones if the stack of free tiles becomes empty.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.
@@ -309,7 +309,7 @@ def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArr
 
 
 @kernel
-def draw_field(grid: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, corner: IndexArray,
+def draw_field(grid: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray, corner: IndexArray,
                sigma: float, wanted: BoolArray, field: Uint8Array) -> None:
     """Draw the mean hit points of one map into a dense field of match values.
 
@@ -320,7 +320,7 @@ def draw_field(grid: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: Flo
     ----------
     grid : (H, W) int32
         Tile table of one particle.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.

@@ -52,7 +52,7 @@ class TileMaps:
 
     def _allocate(self, tiles: int) -> None:
         cells = kernels.CELLS
-        self.mean = np.empty((tiles, cells, 2), np.uint16)
+        self.mean = np.empty((tiles, cells, 2), np.uint8)
         self.hits = np.empty((tiles, cells), np.uint8)
         self._holders = np.zeros(tiles, np.int32)
         self._free = np.arange(tiles - 1, -1, -1, dtype=np.int32)

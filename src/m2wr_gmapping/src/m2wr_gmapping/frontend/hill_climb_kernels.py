@@ -14,17 +14,17 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
+    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array
 
 SHIFT, MASK = 4, 15
-UNIT = 1.0 / 65535
+UNIT = 1.0 / 255
 LSTEP, ASTEP, ITERATIONS, SIGMA, LSIGMA, KERNEL, MIN_SCORE = 0, 1, 2, 3, 4, 5, 6
 SCORE, LOG_LIKELIHOOD, FOUND = 3, 4, 5
 NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
 @kernel
-def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray,
+def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
              kernel: int) -> float:
     """Return the squared distance to the nearest mean hit point around a point [m^2]; -1 if there is none."""
     fx, fy = (wx - frame[0]) * frame[2], (wy - frame[1]) * frame[2]
@@ -50,7 +50,7 @@ def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint16Array, hits: U
 
 
 @kernel
-def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Array, mean: Uint16Array, hits: Uint8Array,
+def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Array, mean: Uint8Array, hits: Uint8Array,
            frame: FloatArray, settings: FloatArray, result: FloatArray) -> float:
     """Return the score of a pose; its log-likelihood and number of matched beams are written into ``result``."""
     c, s = math.cos(theta), math.sin(theta)
@@ -71,7 +71,7 @@ def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Arra
 
 
 @kernel
-def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, mean: Uint16Array,
+def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, mean: Uint8Array,
                 hits: Uint8Array, frame: FloatArray, settings: FloatArray, results: FloatArray) -> None:
     """Climb from the start poses of some particles, each in its own map.
 
@@ -87,7 +87,7 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
         Beams; layout of ``match_kernels``.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.

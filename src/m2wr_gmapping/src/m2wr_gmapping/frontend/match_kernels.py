@@ -7,7 +7,7 @@ Array layouts
 -------------
 ``table`` (N, H, W) int32
     Tile of each particle at each place, -1 for none.
-``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+``mean`` (T, 256, 2) uint8, ``hits`` (T, 256) uint8
     Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its hits.
 ``frame`` (3,) float64
     World x and y of the table's corner [m], cells per metre.
@@ -32,10 +32,10 @@ from m2wr_maps.linear_kernels import solve
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
+    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array
 
 SHIFT, MASK = 4, 15
-UNIT = 1.0 / 65535
+UNIT = 1.0 / 255
 QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 # settings of the Gauss-Newton matcher
 WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6, 7
@@ -69,7 +69,7 @@ def _placed(x: float, y: float, c: float, s: float, frame: FloatArray, beams: Fl
 
 
 @kernel
-def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, mean: Uint16Array, hits: Uint8Array,
+def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, mean: Uint8Array, hits: Uint8Array,
              frame: FloatArray, pairs: FloatArray) -> int:
     """Find for each end point the nearest mean hit point in the 3 x 3 cells around it.
 
@@ -85,7 +85,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
         Beams; layout of ``match_kernels``.
     grid : (H, W) int32
         Tile table of one particle.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.
@@ -258,7 +258,7 @@ def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: 
 
 
 @kernel
-def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
+def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
            hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
            sums: FloatArray, row: FloatArray) -> None:
     """``match_pose`` with scratch arrays for pairs and equations, ``sums`` (12,)."""
@@ -299,7 +299,7 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
 
 
 @kernel
-def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
+def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
                hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, row: FloatArray) -> None:
     """Match a scan in one map by Gauss-Newton, from ``start``.
 
@@ -317,7 +317,7 @@ def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beam
         Tile table of one particle.
     beams : (7, B) float64
         Beams; layout of ``match_kernels``.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.
@@ -336,7 +336,7 @@ def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beam
 
 @kernel
 def match_particles(starts: FloatArray, predictions: FloatArray, first: int, last: int, beams: FloatArray,
-                    table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
+                    table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
                     settings: FloatArray, least: float, results: FloatArray) -> None:
     """Run ``match_pose`` for some particles, each in its own map.
 
@@ -356,7 +356,7 @@ def match_particles(starts: FloatArray, predictions: FloatArray, first: int, las
         Beams; layout of ``match_kernels``.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
-    mean : (T, 256, 2) uint16
+    mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.

@@ -54,7 +54,7 @@ GIVEN = Record(lambda values: SavedMap(**values), {
     "data": Array("int8", "H W", -1, 100), "resolution": Number(float, 0.001, 10.0),
     "origin": Group(Number(float, -EXTENT, EXTENT), Number(float, -EXTENT, EXTENT)), "name": Text(1000)})
 TILES = Part({
-    "mean": Array("uint16", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
+    "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
     "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,
     "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
     ("count", "resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
