@@ -227,14 +227,12 @@ class Odometry:
 class Calibration:
     """Systematic errors of odometry and of the laser's mount; components as in ``frontend.track``."""
 
-    prior: Vector6 = tuned((0.03, 0.03, 0.03, 0.1, 0.05, 0.0175), "1, 1, rad/m, m, m, rad",
+    prior: Vector6 = tuned((0.03, 0.03, 0.03, 0.1, 0.05, 0.035), "1, 1, rad/m, m, m, rad",
                            "Standard deviations before the first scan.",
                            "a robot measured with a ruler, a laser screwed on by eye, odometry that may report a point "
                            "in front of the axle")
     change: float = tuned(1.0 / 300.0, "1/m", "Growth of the variances of distance and drift with distance, as a "
                           "share of the prior's.", "tyres and floors change within some 100 m")
-    correlation: float = tuned(4.0, "1", "Errors of successive matches are correlated: so many count as one.",
-                               UNKNOWN)
 
     @property
     def reported(self) -> Vector2:

@@ -94,7 +94,7 @@ def test_observation_equals_sum_of_covariances(rank):
         seen, noise, error = positive(rng, 3, rank), rng.uniform(0.01, 3.0, 3), rng.normal(size=3)
         information, vector = np.empty((3, 3)), np.empty(3)
         ck.observation(seen, noise, seen @ error, information, vector)
-        wanted = np.linalg.inv(np.linalg.inv(seen + 1e-9 * np.eye(3)) + np.diag(noise)) / ck.MATCH_CORRELATION
+        wanted = np.linalg.inv(np.linalg.inv(seen + 1e-9 * np.eye(3)) + np.diag(noise))
         assert np.allclose(information, wanted, atol=1e-6) and np.allclose(vector, wanted @ error, atol=1e-6)
         assert (information == information.T).all()
 

@@ -249,7 +249,7 @@ def test_learning_equals_the_information_form():
     assert np.allclose(now.value, np.linalg.solve(total, np.linalg.solve(was.covariance, VALUE) + step.vector))
     assert np.abs(now.value - VALUE).max() > 1e-3
     own = odometry_variances(tr.noise_of(noise), parts.motion[0], parts.motion[1])
-    seen = np.linalg.inv(np.linalg.inv(1e5 / DEPENDENT * np.eye(3)) + np.diag(own)) / ck.MATCH_CORRELATION
+    seen = np.linalg.inv(np.linalg.inv(1e5 / DEPENDENT * np.eye(3)) + np.diag(own))
     wanted = parts.jacobian.T @ seen @ parts.jacobian
     assert step.information == pytest.approx(wanted, rel=0.1, abs=0.02 * wanted.max())  # of the normals' noise
 

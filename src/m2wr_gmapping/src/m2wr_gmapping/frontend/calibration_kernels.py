@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Calibration
     from m2wr_node.array_types import FloatArray
 
-MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.MATCHING.outlier
+OUTLIER = tuning.MATCHING.outlier
 
 
 @kernel
@@ -188,10 +188,10 @@ def observation(information: FloatArray, noise: FloatArray, vector: FloatArray, 
     for i in range(3):
         error_vector[i] = 0.0
         for j in range(3):
-            error_vector[i] += inverse[i, j] * vector[j] / MATCH_CORRELATION
+            error_vector[i] += inverse[i, j] * vector[j]
             error_information[i, j] = 0.0
             for k in range(3):
-                error_information[i, j] += inverse[i, k] * information[k, j] / MATCH_CORRELATION
+                error_information[i, j] += inverse[i, k] * information[k, j]
     for i in range(3):          # rounding
         for j in range(i):
             error_information[i, j] = error_information[j, i] = 0.5 * (error_information[i, j]
