@@ -121,6 +121,21 @@ def test_frozen_cells_stay():
     assert hits == 3 and abs(x - 1.002) < ROUNDED
 
 
+@pytest.mark.parametrize("low, high", [
+    ((-40.0, -3.0), (3.0, 3.0)), ((-3.0, -3.0), (9.0, 40.0)), ((-50.0, -50.0), (50.0, 50.0))])
+def test_a_table_that_grows_keeps_all_maps(low, high):
+    rng = np.random.default_rng(3)
+    maps = TileMaps(3, 0.05, NEVER)
+    for particle in range(3):
+        fill(maps, particle, (0.0, 0.0, 0.1 * particle), rng.uniform(-4, 4, (2, 300)))
+    before, size = [cells(maps, particle) for particle in range(3)], maps.table.size
+    assert maps.cover(low, high) and maps.table.size > size
+    for particle in range(3):
+        found = cells(maps, particle)
+        assert found.keys() == before[particle].keys()
+        assert all(found[key] == pytest.approx(before[particle][key]) for key in found)
+
+
 def test_table_does_not_grow_beyond_its_limit():
     maps = TileMaps(1, 0.05, NEVER, limit=2000)
     fill(maps, 0, (0, 0, 0), np.array([[1.0], [1.0]]))

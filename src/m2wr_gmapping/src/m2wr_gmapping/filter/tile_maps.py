@@ -109,13 +109,21 @@ class TileMaps:
         if (last[0] - first[0]) * (last[1] - first[1]) > self._limit:
             self.beyond += 1
             return False
-        table = np.full((self.count, last[1] - first[1], last[0] - first[0]), -1, np.int32)
-        if self._corner is not None:
-            x, y = old_x - first[0], old_y - first[1]
-            table[:, y:y + rows, x:x + columns] = self.table
-        self.table, self._corner = table, first
+        self._grow((last[1] - first[1], last[0] - first[0]), *(
+            (0, 0) if self._corner is None else (old_y - first[1], old_x - first[0])))
+        self._corner = first
         self._place()
         return True
+
+    def _grow(self, shape: Tuple[int, int], y: int, x: int) -> None:
+        """Grow the table to (rows, columns) in place, so that it is not in memory twice; the old one begins at y, x."""
+        rows, columns = self.table.shape[1:]
+        self.table.resize((self.count, *shape), refcheck=False)
+        before, size = self.table.reshape(-1), rows * columns
+        for particle in reversed(range(self.count)):        # a table moves to places that are behind all earlier ones
+            old = before[particle * size:(particle + 1) * size].reshape(rows, columns).copy()
+            self.table[particle] = -1
+            self.table[particle, y:y + rows, x:x + columns] = old
 
     def _place(self) -> None:
         """Set the frame; cell centres are at multiples of the resolution, as in the published map."""
@@ -214,7 +222,7 @@ class TileMaps:
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the table does not fit its limit or corner."""
-        self.__dict__.update(stored)            # mean and hits must own their memory for resizing
+        self.__dict__.update(stored)            # the arrays must own their memory for resizing
         self.count, rows, columns = self.table.shape
         empty = not rows * columns
         if rows * columns > self._limit or (self._corner is None) != empty or empty != (not rows and not columns):
