@@ -421,7 +421,7 @@ class Mapper:
         exact : bool
             Whether scans that moved by less than the error of a step are traced again.
         old : Grid, optional
-            A map that is no longer needed: its memory is used again if its size is right.
+            A map that is no longer needed: its memory is used again.
         """
         return self.map_of(*self.map_request(), exact=exact, old=old)
 

@@ -177,9 +177,11 @@ class Occupancy:
         Parameters
         ----------
         old : Grid, optional
-            A map that is no longer needed: its memory is used again if its size is right.
+            A map that is no longer needed: its memory is used again.
         """
-        data = np.empty(self.bounds, np.int8) if old is None or old.data.shape != self.bounds else old.data
+        data = np.empty(self.bounds, np.int8) if old is None else old.data
+        if data.shape != self.bounds:
+            data.resize(self.bounds, refcheck=False)        # in place, without a second map
         data.fill(UNKNOWN)
         blocks = self._blocks
         read_out(self._threshold, self._table, blocks["hits"], blocks["visits"], blocks["values"], blocks["changed"],
