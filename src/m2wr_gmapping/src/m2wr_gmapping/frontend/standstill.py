@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class Standstill:
     """Sums up how long the wheels stood still: the time that odometry's motion does not need at its usual speed.
 
-    The usual speed is that at which the mean metre was driven, and the mean rotation was made: slow motion counts less.
+    The usual speed is a weighted mean. Speeds count by the distance that was driven at them, and rates of rotation by
+    the square of the rotation: turns on the spot are larger than the corrections of a robot that drives straight on.
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class Standstill:
         self.longest = self.unexplained = 0.0
         self._scans, self._first, self._last = 0, 0.0, 0.0
         self._step = np.zeros(3)            # by odometry since the newest scan
-        self._sums = np.zeros((2, 2))       # rows distance and rotation; sums of motion, and of motion times speed
+        self._sums = np.zeros((2, 2))       # rows distance and rotation; sums of weights, and of weights times speed
 
     def add(self, stamp: float, step: FloatArray) -> None:
         """Take note of a scan. One that arrives too late is a part of the step to the next one.
@@ -52,11 +53,11 @@ class Standstill:
         self._scans += 1
         mean = (stamp - self._first) / max(1, self._scans - 1)
         x, y, turn = self._step.tolist()
-        needed = 0.0
-        for motion, sums in zip((math.hypot(x, y), abs(turn)), self._sums):
+        distance, needed = math.hypot(x, y), 0.0
+        for motion, weight, sums in ((distance, distance, self._sums[0]), (abs(turn), turn * turn, self._sums[1])):
             if mean > 0.0:
                 speed = motion / max(interval, mean)        # some logs have stamps that jitter
-                sums += motion, motion * speed
+                sums += weight, weight * speed
             if sums[1] > 0.0:
                 needed = max(needed, motion * float(sums[0] / sums[1]))
         self._step, self._last = np.zeros(3), stamp
