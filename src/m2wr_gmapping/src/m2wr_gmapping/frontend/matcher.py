@@ -228,7 +228,8 @@ class FastMatcher:
         if rival is not None and rival.evidence > tuning.SLIPS.cost:
             row, best, slip, rival = rival.row, rival.cost + tuning.SLIPS.cost, SLIP, None
         if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
-            directions = math.pi / np.minimum(WINDOW_MOST, ask.window)[1]       # the more are tried, the more is needed
+            # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
+            directions = 1.0 if is_lost else math.pi / np.minimum(WINDOW_MOST, ask.window)[1]
             turned = self._turned(maps, particle, reading, ask.expected, conflict, best - math.log(directions),
                                   max(MOST_CONFLICT, 0.5 * denied.share), still)
             if turned is not None:
