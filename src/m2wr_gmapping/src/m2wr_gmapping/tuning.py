@@ -448,7 +448,7 @@ class Loops:
 class Turns:
     """Turns of the path that were not noticed."""
 
-    half_turn: float = tuned(1.0, "s", "In less time nobody turns a robot by half a turn, or lifts it.", "3 rad/s")
+    half_turn: float = tuned(1.0, "s", "In less time no person turns a robot by half a turn, or lifts it.", "3 rad/s")
     count: int = tuned(5, "1", "Least number of results that agree.", "a false turn is worse than a missed one")
 
     @property

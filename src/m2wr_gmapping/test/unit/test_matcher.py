@@ -25,7 +25,7 @@ from m2wr_gmapping.frontend.track import Request
 from m2wr_gmapping.workers import Workers
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
-STILL = tuning.TURNS.half_turn      # time in which somebody can turn the robot [s]
+STILL = tuning.TURNS.half_turn      # time in which a person can turn the robot [s]
 WANTED, START = np.array([0.5, 0.0, 0.0]), np.array([0.47, 0.02, 0.01])
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time in which the wheels stood still, which limits how far somebody can have turned the robot."""
+"""Time in which the wheels were at rest, which limits how far a person can have turned the robot."""
 import math
 
 import numpy as np

@@ -20,7 +20,7 @@ from wall_ranges import ranges
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 8.0)
 HALF, BEGIN, PLAIN, END = 1.1, -40.0, 16.0, 90.0        # half width of the corridor; it is plain from PLAIN to END [m]
 START, PLACE, STEP, MISSING = -35.0, 30.0, 0.1, 10      # of the drive, of the turn [m]; number of missing scans
-STILL = tuning.TURNS.half_turn      # time in which somebody can turn the robot [s]
+STILL = tuning.TURNS.half_turn      # time in which a person can turn the robot [s]
 
 
 def corridor(rng):

@@ -190,7 +190,7 @@ class FastMatcher:
         conflict : callable
             Returns for a pose the end points that conflict with older scans; see ``occlusion``.
         still : float
-            Time in which the wheels stood still and the robot may have been turned [s].
+            Time in which the wheels were at rest and the robot may have been turned [s].
         rival : Rival, optional
             That of the scan before, moved by odometry.
 

@@ -44,7 +44,7 @@ class ScanGaps:
 
         Call this once for each processed scan: it counts them, and the slips.
 
-        Scans must be missing while the wheels stood still for long enough. That must be as improbable as a slip,
+        Scans must be missing while the wheels were at rest for long enough. That must be as improbable as a slip,
         together with a disagreement of laser and odometry afterwards.
 
         Parameters
@@ -52,7 +52,7 @@ class ScanGaps:
         slipped : bool
             Whether laser and odometry disagree.
         still : float
-            Longest time between two scans in which the wheels stood still [s].
+            Longest time between two scans in which the wheels were at rest [s].
         """
         self._steps += 1
         self._slips += slipped

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time in which the wheels stood still. Only then can somebody turn the robot without odometry noticing it."""
+"""Time in which the wheels were at rest. Only then can a person turn the robot without odometry noticing it."""
 from __future__ import annotations
 
 import math
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Standstill:
-    """Sums up how long the wheels stood still: the time that odometry's motion does not need at its usual speed.
+    """Sums up how long the wheels were at rest: the time that odometry's motion does not need at its usual speed.
 
     The usual speed is a weighted mean. Speeds count by the distance that was driven at them, and rates of rotation by
     the square of the rotation: turns on the spot are larger than the corrections of a robot that drives straight on.
@@ -77,14 +77,14 @@ class Standstill:
 def turn_cost(angle: float, still: float) -> float:
     """Return the negative log-likelihood of a turn that the wheels have not measured.
 
-    It is that of a slip, and more by as much as the turn needs more time than the wheels stood still.
+    It is that of a slip, and more by as much as the turn needs more time than the wheels were at rest.
 
     Parameters
     ----------
     angle : float
         Of the turn [rad].
     still : float
-        Time in which the wheels stood still [s].
+        Time in which the wheels were at rest [s].
     """
     needed = tuning.TURNS.half_turn * abs(angle) / math.pi
     return tuning.SLIPS.cost * (max(1.0, needed / still) if still > 0.0 else math.inf)

@@ -163,7 +163,7 @@ class Tracker:
         conflict : callable
             As of ``FastMatcher.track``.
         still : float
-            Time in which the wheels stood still since the last scan that ``agrees`` [s].
+            Time in which the wheels were at rest since the last scan that ``agrees`` [s].
 
         Returns
         -------
