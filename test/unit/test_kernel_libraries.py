@@ -4,6 +4,8 @@ import ast
 import importlib
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -53,3 +55,16 @@ def test_library_has_every_kernel_that_python_calls(package):
     assert len(called) > 2
     assert sorted(kernel.name_in_package(one.py_func) for one in called
                   if kernel.name_in_package(one.py_func) not in names[one.__module__.split(".")[0]]) == []
+
+
+@pytest.mark.parametrize("planner, numba", [("NavfnROS", False), ("GlobalPlanner", False), ("RRT", True)])
+def test_move_base_loads_numba_for_few_planners_only(planner, numba):
+    """Before: for all, because its warm-up called every planner."""
+    described("m2wr_navigation")
+    code = ("import sys\nfrom m2wr_navigation import kernel_warm_up as warm_up, registry\n"
+            "warm_up.compile_controller_kernels()\nwarm_up.compile_costmap_kernels()\n"
+            "warm_up.compile_planner_kernels(registry.find(registry.PLANNERS, {!r}))\n"
+            "print('numba' in sys.modules)".format(planner))
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, universal_newlines=True, check=True,
+                          timeout=120)
+    assert done.stdout.split() == [str(numba)]

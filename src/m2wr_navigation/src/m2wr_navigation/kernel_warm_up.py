@@ -2,6 +2,8 @@
 """Compile every kernel or load it from its cache: ``python3 -m m2wr_navigation.kernel_warm_up``."""
 from __future__ import annotations
 
+from typing import Optional
+
 import numpy as np
 
 from m2wr_navigation import registry
@@ -25,6 +27,9 @@ from m2wr_navigation.parameters import read
 from m2wr_navigation.planners import potential_search, visibility_kernels
 from m2wr_node.kernel_library import prepare
 from m2wr_view.outlines import Outline
+
+#: Planners with kernels that no library can have: they take tuples of arrays.
+WITH_NUMBA = ("RRT", "InformedRRTStar", "HybridAStar")
 
 
 def small_costmap(rolling: bool = False, overwrite: bool = False, kind: str = "ObstacleLayer") -> LayeredCostmap:
@@ -66,15 +71,23 @@ def compile_costmap_kernels() -> None:
                 layer.configure(layer.values)
 
 
-def compile_planner_kernels() -> None:
-    """Plan with each kind of search, on a small grid and on a large one; wake the reasons of failures, too."""
+def compile_planner_kernels(wanted: Optional[type] = None) -> None:
+    """Plan with each kind of search, on a small grid and on a large one; wake the reasons of failures, too.
+
+    Parameters
+    ----------
+    wanted : type, optional
+        The planner of a node. Others of ``WITH_NUMBA`` are left out then: they would load numba for nothing.
+    """
     start, goal = np.array([0.5, 0.5, 0.0]), np.array([3.0, 3.0, 0.0])
     for side in (64, potential_search.SIDE):
         costmap = Costmap.filled((side, side), 0.1, (0.0, 0.0), 0)
         costmap.costs[10:20, 15], costmap.costs[30, 30] = 254, 254
         costmap.costs[5, 5], costmap.beside = 253, 0.15
-        for name in ("NavfnROS", "AStar", "ThetaStar", "RRT", "InformedRRTStar", "HybridAStar"):
+        for name in ("NavfnROS", "AStar", "ThetaStar") + WITH_NUMBA:
             kind = registry.find(registry.PLANNERS, name)
+            if name in WITH_NUMBA and wanted not in (None, kind):
+                continue
             kind(read(kind.PARAMETERS, {"iterations": 100}, name)[0]).plan(costmap, start, goal, 0.3)
     visibility_kernels.shortest(costmap.costs[:40, :40] // 254, (1, 1), (38, 38))
 

@@ -101,7 +101,7 @@ class MoveBase:
         """Wait for transforms and maps, then offer services and the action."""
         compile_controller_kernels()
         compile_costmap_kernels()
-        compile_planner_kernels()
+        compile_planner_kernels(type(self.planner.planner))
         for server in self.maps.values():
             server.start()
         if not wait_until_ready(list(self.maps.values()), "move_base"):

@@ -101,7 +101,7 @@ def main(planner: str, place: str, service: Type[Any]) -> int:
         rospy.logfatal("the costmap cannot be made: %s", error)
         return 1
     compile_costmap_kernels()
-    compile_planner_kernels()
+    compile_planner_kernels(type(node.planner.planner))
     node.start()
     rospy.spin()
     return 0
