@@ -70,6 +70,14 @@ def test_a_robot_that_turns_by_its_wheels_does_not_stand(turn):
     assert drive.still.longest == pytest.approx(0.5, abs=0.1)
 
 
+def test_a_reset_of_odometry_does_not_change_the_usual_speed():
+    drive = Drive()
+    drive.step(INTERVAL, -1e8)
+    drive.still.restart()
+    drive.step(1.0, 0.5 * USUAL)
+    assert drive.still.longest == pytest.approx(0.5, abs=0.05)
+
+
 def test_stamps_that_jitter_are_no_standstill():
     drive = Drive(0.0)
     for k in range(300):

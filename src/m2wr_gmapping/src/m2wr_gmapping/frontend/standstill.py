@@ -51,13 +51,13 @@ class Standstill:
         if self._scans and not interval > 0.0:
             return
         self._scans += 1
-        mean = (stamp - self._first) / max(1, self._scans - 1)
+        time = max(interval, (stamp - self._first) / max(1, self._scans - 1))       # some logs have stamps that jitter
         x, y, turn = self._step.tolist()
         distance, needed = math.hypot(x, y), 0.0
+        is_usual = 0.0 < distance + abs(turn) and distance < tuning.ODOMETRY.fastest * time       # no reset of odometry
         for motion, weight, sums in ((distance, distance, self._sums[0]), (abs(turn), turn * turn, self._sums[1])):
-            if mean > 0.0:
-                speed = motion / max(interval, mean)        # some logs have stamps that jitter
-                sums += weight, weight * speed
+            if is_usual:
+                sums += weight, weight * motion / time
             if sums[1] > 0.0:
                 needed = max(needed, motion * float(sums[0] / sums[1]))
         self._step, self._last = np.zeros(3), stamp
