@@ -162,6 +162,19 @@ def another_document(content, **values):
     return out.getvalue()
 
 
+def with_array(content, name, array):
+    """Return the file with another array."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(out, "w") as new:
+        for info in old.infolist():
+            data = io.BytesIO(old.read(info))
+            if info.filename == name + ".npy":
+                data = io.BytesIO()
+                np.save(data, array)
+            new.writestr(info.filename, data.getvalue())
+    return out.getvalue()
+
+
 @pytest.mark.parametrize("change, words", [
     (lambda content: b"", "expected a state"), (lambda content: b"P5\n" + content, "expected a state"),
     (lambda content: content[:25], "damaged or cut off"), (lambda content: content[:len(content) // 2], "cut off"),
@@ -173,6 +186,7 @@ def another_document(content, **values):
     (lambda content: another_document(content, config=[]), "config"),
     (lambda content: another_document(content, config={"particles": 10**9}), "particles is 1000000000; expected 1 to"),
     (lambda content: another_document(content, values={}), "it has no laser.reverse"),
+    (lambda content: with_array(content, "laser.angles", np.zeros(0)), "0 beams; expected 1 to"),
     (lambda content: another_document(content, host={"laser_frame": [1]}), "laser_frame")])
 def test_invalid_state_file_names_the_reason(path, tmp_path, change, words):
     with pytest.raises(state.StateError, match=words) as caught:

@@ -162,6 +162,7 @@ def _config(values: object, live: Optional[GmappingConfig]) -> Tuple[GmappingCon
 def _mapper(config: GmappingConfig, store: Store) -> Mapper:
     """Return a Mapper with all that is stored."""
     laser = state_layout.LASER.give("laser", store, {})
+    state_layout.check_laser(laser)
     mapper = Mapper(config, laser)
     try:
         given = any(name.startswith("saved_map.") for name in store.arrays)

@@ -27,6 +27,7 @@ FORMAT = Format(name="m2wr_gmapping state", version=12, program="slam_gmapping",
                 instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
+MOST_BEAMS = 10**6      # of a scan
 COUNT, REAL, YES = Number(int, 0), Number(float), Number(bool)
 POSE = Array("float64", "3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY)
 NODE = Number(int, 0, below="scans")
@@ -116,6 +117,12 @@ def mapper_part(given: bool) -> Part:
     return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
 
 
+def check_laser(laser: LaserModel) -> None:
+    """Raise KindError for a number of beams that no scan has; before a mapper is made of it."""
+    if not 1 <= len(laser.angles) <= MOST_BEAMS:
+        raise KindError("{} beams; expected 1 to {}".format(len(laser.angles), MOST_BEAMS))
+
+
 def check(mapper: Mapper) -> None:
     """Raise KindError where the parts of a mapper that was put together do not agree with each other."""
     scans, particles = len(mapper.stamps), mapper.particles.count
@@ -130,5 +137,3 @@ def check(mapper: Mapper) -> None:
         raise KindError("{} steps for {} scans".format(history.count, scans))
     if not math.isclose(float(np.sum(mapper.particles.weights)), 1.0, abs_tol=1e-3):
         raise KindError("weights that do not sum to 1")
-    if len(mapper.laser.angles) > 10**6:
-        raise KindError("{} beams; expected at most a million".format(len(mapper.laser.angles)))
