@@ -168,16 +168,15 @@ class Mapper:
         particles = self.filter
         if particles is None:
             return self._first(reading, odom, stamp)
-        tracker, tracked, before = self._tracker, False, self._odom
+        tracker, tracked, step = self._tracker, False, between(self._odom, odom)
         self._odom = odom
-        step = between(before, odom)
         self._gaps.add(stamp)
         self._standstill.add(stamp, step)
         if tracker is None:
             distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
             particles.drift(step)
         else:
-            distance, turn, moved = tracker.advance(before, odom)
+            distance, turn, moved = tracker.advance(step)
         self._distance += distance
         self._turn += turn
         due = self._due(stamp)

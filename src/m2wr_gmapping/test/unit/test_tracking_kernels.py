@@ -153,7 +153,7 @@ def test_tracking_a_drive_equals_reference(seed):
     for k in range(400):
         step = step_of(rng)
         before, odom = odom, compose(odom, step)
-        distance, turn, moved = tk.advance(track, calibration, before, odom)
+        distance, turn, moved = tk.advance(track, calibration, between(before, odom))
         plain.advance(step)
         assert np.allclose([distance, turn], size(step))
         assert moved == exceeds(plain.since, 0.005)
@@ -191,7 +191,7 @@ def test_prediction_of_particles_equals_reference(seed):
     plain = Plain(calibration)
     for _ in range(3):
         step = step_of(rng)
-        tk.advance(track, calibration, np.zeros(3), step)
+        tk.advance(track, calibration, step)
         plain.advance(step)
     parts = tr.track_of(track)
     parts.matched[:] = plain.rel = compose(plain.rel, [0.01, 0.02, 0.03])
@@ -209,7 +209,7 @@ def driven(steps=(0.3, 0.0, 0.1), value=VALUE, count=3):
     """Track, noise and calibration after some equal steps of the laser by odometry."""
     track, noise, calibration = new_state(value)
     for _ in range(count):
-        tk.advance(track, calibration, np.zeros(3), np.array(steps))
+        tk.advance(track, calibration, np.array(steps))
     return track, noise, calibration
 
 

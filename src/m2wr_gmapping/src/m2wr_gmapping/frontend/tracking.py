@@ -93,13 +93,13 @@ class Tracker:
         """Allow the next match to correct the pose by some cells."""
         self.track.slack[:] = tk.SLIP_LEFT
 
-    def advance(self, before: FloatArray, now: FloatArray) -> Tuple[float, float, bool]:
+    def advance(self, step: FloatArray) -> Tuple[float, float, bool]:
         """Propagate the pose by a step of odometry; see ``tracking_kernels.advance``.
 
         Parameters
         ----------
-        before, now : (3,) float64
-            Poses of odometry before and after the step [m, m, rad].
+        step : (3,) float64
+            Step of odometry [m, m, rad].
 
         Returns
         -------
@@ -108,7 +108,7 @@ class Tracker:
         moved : bool
             Whether odometry has moved since the last match.
         """
-        return tk.advance(self._track, self._calibration, before, now)
+        return tk.advance(self._track, self._calibration, step)
 
     @property
     def rel(self) -> FloatArray:

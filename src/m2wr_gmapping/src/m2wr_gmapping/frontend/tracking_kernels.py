@@ -53,8 +53,7 @@ SLIP_LEFT = tuple(deviation**2 for deviation in tuning.SLIPS.left)      # [m^2, 
 
 
 @kernel
-def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatArray,
-            now: FloatArray) -> Tuple[float, float, bool]:
+def advance(track_data: FloatArray, calibration_data: FloatArray, raw: FloatArray) -> Tuple[float, float, bool]:
     """Propagate the poses by a step of odometry.
 
     Parameters
@@ -63,8 +62,8 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatA
         Of a Track.
     calibration_data : (CALIBRATION_SIZE,) float64
         Of a Calibration.
-    before, now : (3,) float64
-        Poses of odometry before and after the step [m, m, rad].
+    raw : (3,) float64
+        Step of odometry [m, m, rad].
 
     Returns
     -------
@@ -74,7 +73,7 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatA
         Whether odometry has moved since the last match.
     """
     track, calibration = track_of(track_data), calibration_of(calibration_data)
-    raw, step, of_step = between(before, now), np.empty(3), np.empty((3, PARAMETERS))
+    step, of_step = np.empty(3), np.empty((3, PARAMETERS))
     forward = corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
     propagate_jacobian(step, of_step, track.jacobian)
     compose(track.matched, step, track.matched)
