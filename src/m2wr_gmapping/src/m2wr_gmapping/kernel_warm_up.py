@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_search
-from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend.information_kernels import weak_axis
@@ -16,7 +15,7 @@ from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.workers import Workers
-from m2wr_maps.se2 import between, compose
+from m2wr_maps.se2 import compose
 from m2wr_node.kernel_library import prepare
 
 
@@ -42,7 +41,7 @@ def tour(mapper: Mapper, steps: int = 40) -> None:
 
 
 def rare_work(mapper: Mapper) -> None:
-    """Call the kernels that the tour may not reach: corridors, window search, drift, loop search, optimisation."""
+    """Call the kernels that the tour may not reach: corridors, window search, drift, loop search."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
@@ -55,9 +54,6 @@ def rare_work(mapper: Mapper) -> None:
     scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
     place_search.near_search(scene, nodes)
     place_search.wide_search(scene, nodes)
-    steps = between(path[:-1], path[1:])
-    pairs = np.stack([np.arange(len(steps)), np.arange(1, len(path))], -1)
-    optimise(path, pairs, steps, np.tile(np.eye(3), (len(steps), 1, 1)), np.zeros(len(steps), bool))
     particles.replace_past(path, mapper.readings)
     wide = Occupancy((-5.0, -5.0, 5.0, 5.0), mapper.config["delta"], mapper.config["occ_thresh"])
     wide.use_large_counts()

@@ -414,13 +414,11 @@ class Links:
 
 @dataclass(frozen=True)
 class Loops:
-    """When loop closures are searched and accepted, and the pose graph."""
+    """When loop closures are searched and accepted."""
 
     every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
     evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
                             "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
-    narrowing: float = tuned(8.0, "1", "Factor of the robust kernel from one iteration to the next.",
-                             "number of iterations")
     searches: int = tuned(4, "1", "Searches of an extension per scan.", "longest time of a scan")
 
     @property

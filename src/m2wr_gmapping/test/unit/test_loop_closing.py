@@ -9,7 +9,7 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.backend import drift_kernels, loop_closing, occlusion, place_match, place_query, place_search
 from m2wr_gmapping.backend.loop_extension import LoopExtension
 from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
-from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_maps.pose_graph import optimise
 from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk

@@ -19,8 +19,6 @@ KEPT = {
     "backend/loop_closing.py": {"MOST_CONCLUSIONS": "guard against an endless loop"},
     "backend/place_match.py": {"PINNED": "as good as infinite"},
     "backend/place_search.py": {"MARGIN": "size of a raster"},
-    "backend/pose_graph.py": {"ITERATIONS": "solver", "MOST_ITERATIONS": "", "CONVERGED": ""},
-    "backend/pose_graph_kernels.py": {"WORD": "layout"},
     "backend/step_history.py": {"FIRST_STEPS": "buffer", "CHECK_EVERY": "interval of a check", "CHECK_SHARE": ""},
     "backend/turned_path.py": {"RIGHT_ANGLES": "geometry"},
     "mapper.py": {"LEVEL": "a slope", "FARTHEST_ODOMETRY": "limit of input"},

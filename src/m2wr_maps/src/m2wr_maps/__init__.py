@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses, grids, saved maps and incoming scans that mapping, navigation and exploration share; ROS in ``ros`` only."""
+"""Poses, pose graphs, grids, saved maps and incoming scans that several packages share; ROS in ``ros`` only."""

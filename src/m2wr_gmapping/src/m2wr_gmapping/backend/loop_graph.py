@@ -9,7 +9,7 @@ import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
 from m2wr_gmapping.backend.occlusion import is_contradicted
-from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_maps.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Optimisation of a pose graph: Gauss-Newton on sparse normal equations."""
+"""Optimisation of a planar pose graph: Gauss-Newton on sparse normal equations, robust against wrong loop closures."""
 from __future__ import annotations
 
 import math
@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.backend import pose_graph_kernels as kernels
-from m2wr_gmapping.tuning import LOOPS
+from m2wr_maps import pose_graph_kernels as kernels
 from m2wr_maps.se2 import wrap
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import BoolArray, FloatArray
 
 ITERATIONS, MOST_ITERATIONS = 6, 16     # with the final kernel, and together with those in which it narrows
-CONVERGED = 1e-4
+CONVERGED = 1e-4                        # largest component of a step [m], [rad]
+NARROWING = 8.0                         # factor of the robust kernel from one iteration to the next
 
 
 def optimise(poses: Any, pairs: Any, measured: Any, information: Any, robust: BoolArray, kernel: float = 1.0,
@@ -53,7 +53,11 @@ def optimise(poses: Any, pairs: Any, measured: Any, information: Any, robust: Bo
 
     Notes
     -----
-    After Grisetti, Kuemmerle, Stachniss, Burgard: A Tutorial on Graph-Based SLAM, IEEE ITS Magazine 2(4), 2010.
+    The least-squares problem and its normal equations are those of Grisetti, Kuemmerle, Stachniss, Burgard: A Tutorial
+    on Graph-Based SLAM, IEEE ITS Magazine 2(4), 2010. Robust measurements are reweighted in each iteration with the
+    weight of Cauchy's cost, see Zhang: Parameter Estimation Techniques, Image and Vision Computing 15(1), 1997. A
+    kernel that starts wide and narrows is graduated non-convexity: Blake, Zisserman: Visual Reconstruction, MIT Press
+    1987; Yang, Antonante, Tzoumas, Carlone, RA-L 5(2), 2020. For the sparse factorisation see ``pose_graph_kernels``.
     """
     poses = np.array(poses, float)
     pairs = np.ascontiguousarray(pairs, np.int64)
@@ -68,7 +72,7 @@ def optimise(poses: Any, pairs: Any, measured: Any, information: Any, robust: Bo
     widening = math.inf if opened else 1.0
     for k in range(MOST_ITERATIONS):
         kernels.residuals(poses, pairs, measured, information, residual, squared)
-        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / LOOPS.narrowing))
+        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / NARROWING))
         weights = np.where(robust, 1.0 / (1.0 + squared / (kernel * widening)), 1.0)
         kernels.assemble(poses, pairs, measured, information, weights, residual, columns, slots, diagonal, blocks, step)
         if not kernels.factorise(order, starts, columns, targets, diagonal, blocks):

@@ -2,8 +2,9 @@
 """Normal equations of a graph of planar poses, and their solution by a sparse Cholesky factorisation.
 
 The graphs are long chains with some links: poses with at most two neighbours are eliminated first, the rest in the
-order of fewest neighbours.  Node 0 stays where it is and takes no part.  One measurement is taken after the other, so
-that the result is always the same.
+order of fewest neighbours (minimum degree: George, Liu: The Evolution of the Minimum Degree Ordering Algorithm, SIAM
+Review 31(1), 1989; sparse factorisation: Davis: Direct Methods for Sparse Linear Systems, SIAM 2006).  Node 0 stays
+where it is and takes no part.  One measurement is taken after the other, so that the result is always the same.
 
 Array layouts
 -------------

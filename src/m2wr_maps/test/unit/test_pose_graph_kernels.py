@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.backend import pose_graph_kernels as kernels
-from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_maps import pose_graph_kernels as kernels
+from m2wr_maps.pose_graph import optimise
 from m2wr_maps.se2 import between, wrap
 
 

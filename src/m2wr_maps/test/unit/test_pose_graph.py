@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_maps.pose_graph import optimise
 from m2wr_maps.se2 import between, compose
 
 
