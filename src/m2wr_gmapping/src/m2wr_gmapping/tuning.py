@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields
-from typing import Any, Dict, Iterator, NamedTuple, Tuple
+from dataclasses import dataclass, field
+from typing import Any, Dict, Tuple
 
 #: A value may be one number or a tuple with one unit per component.
 Vector2 = Tuple[float, float]
@@ -26,35 +26,15 @@ UNKNOWN = "not recorded"
 CROSS_NOISE, NULL_DISTANCE2 = 0.3, 0.5
 
 
-class Constant(NamedTuple):
-    """One tuned constant, or a value that follows from some; its source is then empty.
-
-    Attributes
-    ----------
-    group, name : str
-        Such as MATCHING and narrow.
-    value : float, int or tuple
-    unit : str
-        1 for numbers without one; of tuples all units, separated by commas.
-    meaning, source : str
-    """
-
-    group: str
-    name: str
-    value: Any
-    unit: str
-    meaning: str
-    source: str
-
-
 def tuned(value: Any, unit: str, meaning: str, source: str) -> Any:
     """Return the field of a tuned constant.
 
     Parameters
     ----------
     value : float, int or tuple
-    unit, meaning, source : str
-        See ``Constant``.
+    unit : str
+        1 for numbers without one; of tuples all units, separated by commas.
+    meaning, source : str
     """
     return field(default=value, metadata=dict(unit=unit, meaning=meaning, source=source))
 
@@ -469,25 +449,6 @@ GROUPS = ("SCANS", "MATCHING", "TRACKING", "SLIPS", "OCCLUSION", "ODOMETRY", "CA
 #: Ends of the names of modules whose values are frozen in compiled kernels.
 KERNEL_MODULES = ("kernels.py", "track.py")
 _READ = re.compile(r"\b({})\.([a-z_0-9]+)".format("|".join(GROUPS)))
-
-
-def constants() -> Iterator[Constant]:
-    """Yield all tuned constants with their present values."""
-    for group in GROUPS:
-        present = globals()[group]
-        for one in fields(present):
-            yield Constant(group, one.name, getattr(present, one.name), **one.metadata)
-
-
-def derived() -> Iterator[Constant]:
-    """Yield the values that follow from the constants; the meaning is the docstring of the property."""
-    for group in GROUPS:
-        present = globals()[group]
-        for name, found in vars(type(present)).items():
-            if isinstance(found, property):
-                first, _, more = " ".join(str(found.__doc__).split()).partition("].")
-                meaning, _, unit = first.rpartition(" [")
-                yield Constant(group, name, getattr(present, name), unit, meaning + "." + more, "")
 
 
 def read_by(source: str) -> Dict[str, Any]:

@@ -9,6 +9,7 @@ import pytest
 from m2wr_gmapping import tuning
 from m2wr_tools.slam_benchmark import laser_logs
 from m2wr_tools.slam_benchmark import sensitivity_command as command
+from m2wr_tools.slam_benchmark.tuned_constants import constants
 
 ROOM = 4.0
 
@@ -33,7 +34,7 @@ def log(tmp_path):
 
 
 def test_constants_are_chosen_by_name_and_by_group():
-    assert len(command.chosen(None)) == len(list(tuning.constants()))
+    assert len(command.chosen(None)) == len(list(constants()))
     assert [one.name for one in command.chosen(["MATCHING.rounds"])] == ["rounds"]
     assert {one.group for one in command.chosen(["SLIPS", "OCCLUSION"])} == {"SLIPS", "OCCLUSION"}
     with pytest.raises(ValueError, match="--only NONE: no such constant"):

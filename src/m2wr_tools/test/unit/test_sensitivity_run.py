@@ -8,6 +8,7 @@ import pytest
 
 from m2wr_gmapping import tuning
 from m2wr_tools.slam_benchmark import sensitivity_run as run
+from m2wr_tools.slam_benchmark.tuned_constants import constants
 
 
 def test_values_are_scaled_and_integers_stay_integers():
@@ -18,9 +19,9 @@ def test_values_are_scaled_and_integers_stay_integers():
 def test_only_the_named_constant_changes(monkeypatch):
     monkeypatch.setattr(tuning, "MATCHING", tuning.MATCHING)
     cells = tuning.SEARCH.cells
-    before = {(one.group, one.name): one.value for one in tuning.constants()}
+    before = {(one.group, one.name): one.value for one in constants()}
     run.change("MATCHING.narrow", 2.0)
-    after = {(one.group, one.name): one.value for one in tuning.constants()}
+    after = {(one.group, one.name): one.value for one in constants()}
     assert {key for key in before if before[key] != after[key]} == {("MATCHING", "narrow")}
     assert after["MATCHING", "narrow"] == pytest.approx(0.02)
     assert tuning.SEARCH.cells == pytest.approx([2.0**0.5 * cell for cell in cells])     # follows

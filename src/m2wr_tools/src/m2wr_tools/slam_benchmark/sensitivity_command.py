@@ -30,6 +30,7 @@ from m2wr_gmapping import tuning
 from m2wr_node import kernel
 from m2wr_tools.slam_benchmark import benchmark_command as benchmark
 from m2wr_tools.slam_benchmark import laser_logs, log_details, sensitivity_run, sensitivity_table, trajectory_errors
+from m2wr_tools.slam_benchmark.tuned_constants import Constant, constants
 
 RUN_LIMIT = 900.0           # of a log [s]
 MEMORY = 6 << 30            # address space of a variation [bytes]; kernels and libraries alone map 1 GiB
@@ -73,7 +74,7 @@ def compiled_constants() -> Set[str]:
                 sources.append(stream.read())
     everything = "\n".join(sources)
     found, before = set(), tuning.read_by(everything)
-    for one in tuning.constants():
+    for one in constants():
         present = getattr(tuning, one.group)
         sensitivity_run.change(one.group + "." + one.name, 3.0)
         if tuning.read_by(everything) != before:
@@ -82,9 +83,9 @@ def compiled_constants() -> Set[str]:
     return found
 
 
-def chosen(only: Optional[Sequence[str]]) -> List[tuning.Constant]:
+def chosen(only: Optional[Sequence[str]]) -> List[Constant]:
     """Return the constants that are varied; raises ValueError for a name that is neither a constant nor a group."""
-    everything = list(tuning.constants())
+    everything = list(constants())
     names = {one.group for one in everything} | {one.group + "." + one.name for one in everything}
     unknown = sorted(set(only or ()) - names)
     if unknown:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from m2wr_gmapping import tuning
+from m2wr_tools.slam_benchmark.tuned_constants import constants, derived
 
 HEAD = """# Tuned constants of the mapper
 
@@ -24,7 +25,7 @@ def text_of(value: Any) -> str:
 
 def markdown() -> str:
     """Return the page."""
-    chosen, following = list(tuning.constants()), list(tuning.derived())
+    chosen, following = list(constants()), list(derived())
     numbers = sum(len(one.value) if isinstance(one.value, tuple) else 1 for one in chosen)
     lines = [HEAD.format(count=len(chosen), numbers=numbers).rstrip()]
     for group in tuning.GROUPS:
