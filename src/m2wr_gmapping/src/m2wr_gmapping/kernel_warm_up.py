@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_search
+from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend.information_kernels import weak_axis
@@ -49,9 +50,8 @@ def rare_work(mapper: Mapper) -> None:
     particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
     drift_kernels.drift(path, turned, 0.0, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
-    scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
+    scene = place_search.Scene(path, distances_along(path), mapper.readings, len(path), turned + 3.0, turned + 0.1)
     place_search.near_search(scene, nodes)
     place_search.wide_search(scene, nodes)
     particles.replace_past(path, mapper.readings)

@@ -10,7 +10,7 @@ import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.backend.loop_closing import LoopCloser
-from m2wr_gmapping.backend.loop_graph import distances_along
+from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.backend.turned_path import looks_alike
 from m2wr_gmapping.filter import resampling
@@ -343,7 +343,7 @@ class Mapper:
             return
         self._history.checked()
         path = self.particles.tree.path(self.particles.best)
-        if self._loops is not None and self._loops.links:
+        if self._loops is not None and self._loops.graph.links:
             self._replace_path(self._loops.recalibrate(path))
             return
         corrected = path_of(path[0], self._history.corrected(path))
@@ -384,8 +384,8 @@ class Mapper:
             found["odometry_noise"] = self._tracker.noise.scale.round(3).tolist()
             found["calibration"] = self.calibration()
         if loops is not None:
-            found.update(searches=loops.searches, wide_searches=loops.wide_searches, links=loops.links,
-                         closures=loops.closures)
+            found.update(searches=loops.graph.searches, wide_searches=loops.wide_searches,
+                         links=len(loops.graph.links), closures=loops.graph.closures)
         return found
 
     @property

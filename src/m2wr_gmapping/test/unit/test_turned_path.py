@@ -8,7 +8,7 @@ import pytest
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.backend import place_search, turned_path
-from m2wr_gmapping.backend.loop_graph import distances_along
+from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.occlusion import Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
@@ -117,9 +117,9 @@ NOT_PLACED = SimpleNamespace(scene=lambda *_: (None, np.zeros(0, int), None))
 
 def drifting(shift):
     """A graph whose nodes have drifted by at most ``shift`` [m] and 0.1 rad against the first 41."""
-    def scene(path, along, readings, node):
+    def scene(route, node):
         count = node + 1
-        return (place_search.Scene(path[:count], along[:count], readings[:count], np.arange(41),
+        return (place_search.Scene(route.path[:count], route.along[:count], route.readings[:count], 41,
                                    np.full(count, shift), np.full(count, 0.1)), np.arange(41), np.zeros(0, int))
     return SimpleNamespace(scene=scene)
 
@@ -135,8 +135,9 @@ def test_path_through_walls_is_not_consistent(aside, shift, wanted):
     seen = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in truth]
     path = np.concatenate([truth, truth + [0.0, aside, 0.0]])
     along = np.concatenate([distances_along(truth), 30.0 + distances_along(truth)])
-    assert turned_path.is_consistent(drifting(shift), path, along, seen + seen, 41) == wanted
-    assert turned_path.is_consistent(NOT_PLACED, path, along, seen + seen, 41)
+    route = Route(path, along, seen + seen)
+    assert turned_path.is_consistent(drifting(shift), route, 41) == wanted
+    assert turned_path.is_consistent(NOT_PLACED, route, 41)
 
 
 @pytest.mark.parametrize("few, wanted", [(True, True), (False, False)])
@@ -148,7 +149,7 @@ def test_a_scan_counts_by_what_it_has_in_view(few, wanted, monkeypatch):
     path[:, 0] = turned_path.SEARCH.near_path * np.arange(7)
     monkeypatch.setattr(turned_path.place_search, "near_search", lambda *_: (None, False))
     graph = SimpleNamespace(scene=lambda *_: (None, np.zeros(1, int), None))
-    assert turned_path.is_consistent(graph, path, path[:, 0].copy(), [None] * 7, 1) == wanted
+    assert turned_path.is_consistent(graph, Route(path, path[:, 0].copy(), [None] * 7), 1) == wanted
 
 
 @pytest.mark.parametrize("stamps, noticed", [

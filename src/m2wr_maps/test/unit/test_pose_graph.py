@@ -48,6 +48,24 @@ def test_loop_is_closed_and_outlier_is_down_weighted():
     assert np.hypot(*(held - nominal)[:, :2].T).max() < 0.1
 
 
+def test_narrowing_kernel_closes_a_large_loop():
+    truth = [np.zeros(3)]
+    for _ in range(199):
+        truth.append(compose(truth[-1], [0.5, 0.0, 2 * math.pi / 200]))
+    truth = np.array(truth)
+    pairs = np.array([(k, k + 1) for k in range(199)] + [(0, 199)])
+    measured = between(truth[pairs[:, 0]], truth[pairs[:, 1]])
+    measured[:-1, 2] += 0.003
+    start = [np.zeros(3)]
+    for step in measured[:-1]:
+        start.append(compose(start[-1], step))
+    assert np.hypot(*(np.array(start) - truth)[-1, :2]) > 4.0
+    information = np.tile(np.diag(1.0 / np.square([0.01, 0.01, 0.004])), (200, 1, 1))
+    robust = np.arange(200) == 199
+    found, weights = optimise(start, pairs, measured, information, robust, 12.0, True)
+    assert weights[-1] > 0.5 and np.hypot(*(found - truth)[:, :2].T).max() < 0.2
+
+
 def random_graph(seed, wrong):
     """A walk of 12 poses with noisy steps, 6 noisy links, of which ``wrong`` are far off, and full covariances."""
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,15 +11,6 @@ from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray, IndexArray
-
-
-@kernel
-def _relax(k: int, onto: int, out: FloatArray) -> bool:
-    """Continue a route over a link from node ``k`` to ``onto``; True if this is the better route."""
-    if out[k, 0] >= out[onto, 0]:
-        return False
-    out[onto, 0], out[onto, 1], out[onto, 2] = out[k, 0], out[k, 1], out[k, 2]
-    return True
 
 
 @kernel
@@ -79,87 +70,11 @@ def drift(path: FloatArray, variances: FloatArray, walk: float, links: IndexArra
         changed = False
         for k in range(links.shape[0] - 1, -1, -1):      # newest first: they reach farthest
             for side in range(2):
-                onto = links[k, side]
-                if _relax(links[k, 1 - side], onto, out):
-                    changed = True
+                onto, other = links[k, side], links[k, 1 - side]
+                if out[other, 0] < out[onto, 0]:
+                    out[onto], changed = out[other], True
                     for direction in (-1, 1):
                         _propagate(onto, direction, lever, variances, turn, out)
-
-
-@kernel
-def distances_along(path: FloatArray, out: FloatArray) -> None:
-    """Write the length of a path up to each node.
-
-    Parameters
-    ----------
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    out : (K,) float64
-        Written [m].
-    """
-    total = 0.0
-    for k in range(path.shape[0]):
-        if k:
-            dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
-            total += math.sqrt(dx * dx + dy * dy)
-        out[k] = total
-
-
-@kernel
-def old_nodes(along: FloatArray, node: int, old: float) -> int:
-    """Return the number of nodes at the start of the path that are more than ``old`` metres of path before ``node``.
-
-    Parameters
-    ----------
-    along : (K,) float64
-        Length of the path up to each node [m].
-    node : int
-        Number of the node.
-    old : float
-        Length of path [m].
-    """
-    count = 0
-    while count < node and along[node] - along[count] > old:
-        count += 1
-    return count
-
-
-@kernel
-def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: float, near: float,
-                    numbers: IndexArray) -> Tuple[int, int]:
-    """Find which of the first ``count`` nodes may be close to the last one, given the drift between them.
-
-    Parameters
-    ----------
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    shift : (K,) float64
-        Drift of the last node against each node [m].
-    count : int
-        Number of nodes to test.
-    beyond : float
-        Factor of the drift that is searched.
-    near : float
-        Distance that is added to it; nodes with at most this drift are near [m].
-    numbers : (2, K) int64
-        Written: near nodes, and the others.
-
-    Returns
-    -------
-    near, far : int
-        Number of nodes of each kind.
-    """
-    x, y, nears, fars = path[-1, 0], path[-1, 1], 0, 0
-    for k in range(count):
-        dx, dy, reach = path[k, 0] - x, path[k, 1] - y, beyond * shift[k] + near
-        if dx * dx + dy * dy < reach * reach:
-            if shift[k] <= near:
-                numbers[0, nears] = k
-                nears += 1
-            else:
-                numbers[1, fars] = k
-                fars += 1
-    return nears, fars
 
 
 @kernel

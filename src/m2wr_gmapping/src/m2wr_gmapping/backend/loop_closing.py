@@ -2,28 +2,20 @@
 """Loop closing: search for old places, and the conditions under which a result is accepted."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
-from m2wr_gmapping.backend import place_search
 from m2wr_gmapping.backend.loop_extension import LoopExtension
-from m2wr_gmapping.backend.loop_graph import (
-    LoopGraph,
-    change_of,
-    distances_along,
-    is_observed,
-    is_within,
-    link_of,
-)
-from m2wr_gmapping.backend.occlusion import is_contradicted
+from m2wr_gmapping.backend.loop_graph import LoopGraph, change_of, is_within
+from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.backend.step_history import turned_step
 from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
-from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
 from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
     from m2wr_gmapping.backend.loop_graph import Link
+    from m2wr_gmapping.backend.place_search import Scene
     from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
@@ -80,21 +72,6 @@ class LoopCloser:
         self._searched_at = self._linked_at = self._wide_at = 0.0
         self.wide_searches = 0
 
-    @property
-    def links(self) -> int:
-        """Number of loop closures."""
-        return len(self.graph.links)
-
-    @property
-    def searches(self) -> int:
-        """Number of near searches."""
-        return self.graph.searches
-
-    @property
-    def closures(self) -> int:
-        """Number of optimisations that moved the path."""
-        return self.graph.closures
-
     def recalibrate(self, path: FloatArray) -> Optional[FloatArray]:
         """Optimise the path with the steps by the present calibration.
 
@@ -125,73 +102,72 @@ class LoopCloser:
         (K, 3) float64 or None
             Corrected path; None if it does not change.
         """
-        along = distances_along(path)
-        here = along[-1]
+        route = Route(path, distances_along(path), readings)
+        here = route.along[-1]
         close = here - self._searched_at >= LOOPS.every and here - self._linked_at >= LOOPS.spacing
         wide = here - self._wide_at >= LOOPS.every
         has_moved = leads_far = False
         if (close or wide) and readings[-1].beams.shape[1] >= SEARCH.fewest:
-            scene, near, far = self.graph.scene(path, along, readings, len(path) - 1)
+            scene, near, far = self.graph.scene(route, len(path) - 1)
             has_moved = close and len(near) > 0 and self._search_near(scene, near)
             leads_far = wide and len(far) > 0 and self._search_wide(scene, far)
         if leads_far:
-            self._extension.schedule_review(along)
+            self._extension.schedule_review(route.along)
         elif not has_moved:
-            self._extension.advance(path, along, readings, LOOPS.searches)
+            self._extension.advance(route, LOOPS.searches)
             has_moved, leads_far = self._extension.has_moved, self._extension.has_large_shift
             if self._extension.frontiers:     # the maps are rebuilt once, when all frontiers have ended
                 return None
         if has_moved or leads_far:
             return self._solve(path, leads_far)
-        turned = self._turned.search(path, along, readings, self._history.doubtful)
-        return self._turn_back(path, along, readings, turned) if turned else None
+        turned = self._turned.search(route, self._history.doubtful)
+        return self._turn_back(route, turned) if turned else None
 
-    def _turn_back(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                   found: List[TurnedFind]) -> Optional[FloatArray]:
+    def _turn_back(self, route: Route, found: List[TurnedFind]) -> Optional[FloatArray]:
         """Return the path without a turn that was not noticed; None, and no change, if its scans contradict that."""
         node, correction = found[-1].node, found[-1].correction
-        self._history.corrected(path)       # has seen all nodes
-        path = turned_after(path, node, correction)
+        self._history.corrected(route.path)     # has seen all nodes
+        path = turned_after(route.path, node, correction)
         before, links, rejected = self._history.step(node), self.graph.links, list(self.graph.rejected)
         self._history.replace_step(node, turned_step(before[0], correction[2]))
         self.graph.replace_links([link for link in links if link[0] >= node or link[1] < node]
                                  + [find.link for find in found])
         solved = self.graph.solve(path, True)
         path = path if solved is None else solved
-        if not is_consistent(self.graph, path, along, readings, node):
+        if not is_consistent(self.graph, replace(route, path=path), node):
             self._history.replace_step(node, before)
             self.graph.replace_links(links)
             self.graph.rejected = rejected
             return None
         self.graph.reject([link for link in links if link[1] >= node > link[0]])
         self._history.doubtful[:] = [doubt for doubt in self._history.doubtful if doubt[0] != node]
-        self._pending, self._candidates, self._linked_at = None, [], along[-1]
+        self._pending, self._candidates, self._linked_at = None, [], route.along[-1]
         self._extension = LoopExtension(self.graph)
         self._extension.start_at([find.link for find in found])
-        self._extension.schedule_review(along)
+        self._extension.schedule_review(route.along)
         return path
 
-    def _search_near(self, scene: place_search.Scene, old: IndexArray) -> bool:
+    def _search_near(self, scene: Scene, old: IndexArray) -> bool:
         """Search close to the newest node; return whether a loop closure was found that moves the path."""
         path, here = scene.path, scene.along[-1]
         self._searched_at = here
-        link, pose, slides = self.graph.near_link(scene, old)
-        if link is None:
+        found = self.graph.near_link(scene, old)
+        if found is None:
             self._pending = None
             return False
-        links, change = [link], change_of(path, pose)
+        links, change = [found.link], change_of(path, found.pose)
         if not is_within(change, SEARCH.local):
-            if slides:
+            if found.slides:
                 return False
-            correction = compose(pose, inverse(path[-1]))
-            first, self._pending = self._pending, (link, correction)
-            if first is None or not is_within(between(compose(first[1], path[-1]), pose), SEARCH.local):
+            correction = compose(found.pose, inverse(path[-1]))
+            first, self._pending = self._pending, (found.link, correction)
+            if first is None or not is_within(between(compose(first[1], path[-1]), found.pose), SEARCH.local):
                 return False
-            links = [first[0], link]
+            links = [first[0], found.link]
         self._accept_links(links, here)
         return not is_within(change, LOOPS.least_change)
 
-    def _search_wide(self, scene: place_search.Scene, old: IndexArray) -> bool:
+    def _search_wide(self, scene: Scene, old: IndexArray) -> bool:
         """Search within the drift of the newest node; return whether loop closures were found that move the path.
 
         A wrong loop closure is worse than a missing one. The place must be unique, the match must observe both
@@ -222,21 +198,15 @@ class LoopCloser:
         self._candidates = []
         return not is_within(change, LOOPS.least_change)
 
-    def _wide_candidate(self, scene: place_search.Scene, old: IndexArray) -> Optional[Candidate]:
+    def _wide_candidate(self, scene: Scene, old: IndexArray) -> Optional[Candidate]:
         """Return the result of a wide search."""
-        path, here = scene.path, scene.along[-1]
         self.wide_searches += 1
-        place = place_search.wide_search(scene, old)
-        found = None if place is None else self.graph.fine_match(scene, old, place.pose, place.reach)
-        if found is None or place is None:
+        found = self.graph.wide_link(scene, old)
+        if found is None:
             return None
-        node, row, around, supported = found
-        if is_contradicted(scene, row[:3], around):
-            return None
-        slides, pose = not is_observed(row), row[:3].copy()
-        row[mk.INFORMATION:] = supported
-        return Candidate(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
-                         1.0 - place.rival)
+        (link, pose, slides), place = found
+        correction = compose(pose, inverse(scene.path[-1]))
+        return Candidate(scene.along[-1], link, pose, correction, slides, 1.0 - place.rival)
 
     def conclude(self, path: FloatArray, readings: Sequence[ScanReading]) -> Optional[FloatArray]:
         """Optimise the path; call after the last scan.
@@ -253,16 +223,16 @@ class LoopCloser:
         (K, 3) float64 or None
             As ``search``.
         """
-        along = distances_along(path)
+        route = Route(path, distances_along(path), readings)
         opened, moved, result = False, True, None
-        for _ in range(MOST_CONCLUSIONS if self.links else 0):
-            bent = self._solve(path, opened)
+        for _ in range(MOST_CONCLUSIONS if self.graph.links else 0):
+            bent = self._solve(route.path, opened)
             if bent is not None:
-                path = result = bent
+                route, result = replace(route, path=bent), bent
             if not moved:
                 break
-            self._extension.schedule_review(along)
-            self._extension.advance(path, along, readings, 2 * len(path))
+            self._extension.schedule_review(route.along)
+            self._extension.advance(route, 2 * len(path))
             opened, moved = self._extension.has_large_shift, self._extension.has_moved
         return result
 

@@ -2,7 +2,7 @@
 """Extension of accepted loop closures along the path, and search for loop closures at older nodes."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, List, Optional, Tuple
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from m2wr_gmapping.tuning import LOOPS, SEARCH
 from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
-    from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_gmapping.backend.loop_graph import Closure, Link, LoopGraph
+    from m2wr_gmapping.backend.route import Route
     from m2wr_node.array_types import FloatArray
 
 
@@ -57,17 +57,12 @@ class LoopExtension:
         self._frontiers = [front[:3] + (np.zeros(3),) for front in self._frontiers]
         self.has_moved = self.has_large_shift = False
 
-    def advance(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], most: int) -> None:
+    def advance(self, route: Route, most: int) -> None:
         """Search for loop closures, first at the frontiers, then at the scheduled nodes.
 
         Parameters
         ----------
-        path : (K, 3) float64
-            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-        along : (K,) float64
-            Length of the path up to each node [m].
-        readings : sequence of K ScanReading
-            Scans of the path's nodes.
+        route : Route
         most : int
             Greatest number of searches.
         """
@@ -75,64 +70,64 @@ class LoopExtension:
         until = graph.searches + most
         while graph.searches < until and (self._frontiers or self._review):
             if self._frontiers:
-                self._step(path, along, readings)
+                self._step(route)
             else:
-                self._review_node(path, along, readings, self._review.pop())
+                self._review_node(route, self._review.pop())
 
-    def _step(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading]) -> None:
+    def _step(self, route: Route) -> None:
         """Move one frontier one step along the path."""
+        path, along = route.path, route.along
         node, direction, gap, correction = self._frontiers.pop(0)
         node, gap = node_at_distance(along, node, direction), gap + LOOPS.spacing
         if gap > SEARCH.path or not self._is_searchable(along, node):
             return
-        link, pose, slides = self._search(path, along, readings, node, correction)
-        if link is not None and is_within(between(compose(correction, path[node]), pose), SEARCH.local):
-            self._accept(path, node, link, pose)
-            # a degenerate match gives no correction along the degenerate direction
-            gap, correction = (gap - LOOPS.spacing, correction) if slides else (0.0, compose(pose, inverse(path[node])))
+        found = self._search(route, node, correction)
+        if found is not None and is_within(between(compose(correction, path[node]), found.pose), SEARCH.local):
+            self._accept(path, node, found)
+            gap -= LOOPS.spacing
+            if not found.slides:    # a degenerate match gives no correction along the degenerate direction
+                gap, correction = 0.0, compose(found.pose, inverse(path[node]))
         self._frontiers.append((node, direction, gap, correction))
 
-    def _review_node(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int) -> None:
+    def _review_node(self, route: Route, node: int) -> None:
         """Search at an old node, which an optimisation may have moved close to other nodes."""
-        if not self._is_searchable(along, node):
+        path, along = route.path, route.along
+        found = self._search(route, node) if self._is_searchable(along, node) else None
+        if found is None:
             return
-        link, pose, slides = self._search(path, along, readings, node)
-        if link is None:
-            return
-        correction = compose(pose, inverse(path[node]))
-        if not is_within(change_of(path[:node + 1], pose), SEARCH.local):
-            if slides or not any(
-                    self._is_confirmed(path, along, readings, node_at_distance(along, node, direction), correction)
+        correction = compose(found.pose, inverse(path[node]))
+        if not is_within(change_of(path[:node + 1], found.pose), SEARCH.local):
+            if found.slides or not any(
+                    self._is_confirmed(route, node_at_distance(along, node, direction), correction)
                     for direction in (-1, 1)):
                 return
             self.has_large_shift = True
-        self._accept(path, node, link, pose)
-        self._frontiers += [(node, direction, 0.0, np.zeros(3) if slides else correction) for direction in (-1, 1)]
+        self._accept(path, node, found)
+        self._frontiers += [(node, direction, 0.0, np.zeros(3) if found.slides else correction)
+                            for direction in (-1, 1)]
 
-    def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                      correction: FloatArray) -> bool:
+    def _is_confirmed(self, route: Route, node: int, correction: FloatArray) -> bool:
         """Whether a search finds a node where the correction of its neighbour predicts it."""
-        if not SEARCH.reach < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
+        if not 0 < node < len(route.along) or not SEARCH.reach < route.along[node]:
             return False
-        link, pose, slides = self._search(path, along, readings, node, correction)
-        return link is not None and not slides and is_within(between(compose(correction, path[node]), pose),
-                                                             SEARCH.local)
+        found = self._search(route, node, correction)
+        return (found is not None and not found.slides
+                and is_within(between(compose(correction, route.path[node]), found.pose), SEARCH.local))
 
-    def _search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                correction: Optional[FloatArray] = None) -> Tuple[Optional[Link], Any, bool]:
-        """Return ``near_link`` at a node; no link if there is no near node."""
-        scene, near, _ = self._graph.scene(path, along, readings, node, correction)
-        return self._graph.near_link(scene, near, SEARCH.near_path) if len(near) else (None, None, False)
+    def _search(self, route: Route, node: int, correction: Optional[FloatArray] = None) -> Optional[Closure]:
+        """Return ``near_link`` at a node; None if there is no near node."""
+        scene, near, _ = self._graph.scene(route, node, correction)
+        return self._graph.near_link(scene, near, SEARCH.near_path) if len(near) else None
 
-    def _accept(self, path: FloatArray, node: int, link: Link, pose: FloatArray) -> None:
-        self._graph.links.append(link)
-        self.has_moved |= not is_within(change_of(path[:node + 1], pose), LOOPS.least_change)
+    def _accept(self, path: FloatArray, node: int, found: Closure) -> None:
+        self._graph.links.append(found.link)
+        self.has_moved |= not is_within(change_of(path[:node + 1], found.pose), LOOPS.least_change)
 
     def _is_searchable(self, along: FloatArray, node: int) -> bool:
         """Whether the node exists, is old enough and has no loop closure close by."""
         if not 0 < node < len(along) or along[node] <= SEARCH.reach:
             return False
-        return all(abs(along[link[1]] - along[node]) >= LOOPS.linked for link in self._graph.links)
+        return all(abs(along[link[1]] - along[node]) >= LOOPS.every for link in self._graph.links)
 
 
 def node_at_distance(along: FloatArray, node: int, direction: int) -> int:

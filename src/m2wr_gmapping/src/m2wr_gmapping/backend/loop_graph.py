@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
-from m2wr_gmapping.backend.occlusion import is_contradicted
-from m2wr_maps.pose_graph import optimise
+from m2wr_gmapping.backend.place_check import is_contradicted
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
+from m2wr_maps.pose_graph import optimise
 from m2wr_maps.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.backend.route import Route
     from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
-    from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_node.array_types import FloatArray, IndexArray
 
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
@@ -111,11 +111,29 @@ def is_within(difference: FloatArray, limits: Tuple[float, float]) -> bool:
     return bool((np.abs(difference) <= (limits[0], limits[0], limits[1])).all())
 
 
-def distances_along(path: FloatArray) -> FloatArray:
-    """Return the length (K,) of a path (K, 3) up to each node [m]."""
-    along = np.empty(len(path))
-    drift_kernels.distances_along(path, along)
-    return along
+class Closure(NamedTuple):
+    """A loop closure at the newest node of a path.
+
+    Attributes
+    ----------
+    link : Link
+    pose : (3,) float64
+        Pose of the newest node that it gives, in ``map``.
+    slides : bool
+        Whether the match is ambiguous or degenerate. The loop closure then has no information in one direction.
+    """
+
+    link: Link
+    pose: FloatArray
+    slides: bool
+
+
+def _closure(scene: place_search.Scene, found: place_match.FineMatch, slides: bool) -> Closure:
+    """Return the loop closure of a match, with the information that the match supports."""
+    node, row, _, supported = found
+    pose = row[:3].copy()
+    row[mk.INFORMATION:] = supported
+    return Closure(link_of(scene.path, node, row, slides), pose, slides)
 
 
 class LoopGraph:
@@ -145,18 +163,13 @@ class LoopGraph:
         self.rejected: List[Tuple[int, int]] = []
         self.searches = self.closures = 0
 
-    def scene(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+    def scene(self, route: Route, node: int,
               correction: Optional[FloatArray] = None) -> Tuple[place_search.Scene, IndexArray, IndexArray]:
         """Return the path as it was when ``node`` was the newest one, and the old nodes that may be close to it.
 
         Parameters
         ----------
-        path : (K, 3) float64
-            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-        along : (K,) float64
-            Length of the path up to each node [m].
-        readings : sequence of K ScanReading
-            Scans of the path's nodes.
+        route : Route
         node : int
             Number of the node.
         correction : (3,) float64 or None
@@ -168,17 +181,16 @@ class LoopGraph:
         near, far : (C,) int64
             Old nodes with little drift, and with more drift, against the node.
         """
-        count = drift_kernels.old_nodes(along, node, SEARCH.reach)
-        shift, turn = self.drift(path, node)
-        if node < len(path) - 1 or correction is not None:
-            path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
-            shift, turn = shift[:node + 1], turn[:node + 1]
+        path, along, readings = route.path[:node + 1], route.along[:node + 1], route.readings[:node + 1]
+        count = int(np.count_nonzero(along[node] - along[:node] > SEARCH.reach))
+        shift, turn = (drift[:node + 1] for drift in self.drift(route.path, node))
         if correction is not None:
-            path[count:] = compose(correction, path[count:])
-        numbers = np.empty((2, count), np.int64)
-        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.near, numbers)
-        scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
-        return scene, numbers[0, :near], numbers[1, :far]
+            path = np.concatenate([path[:count], compose(correction, path[count:])])
+        away = np.square(path[:count, :2] - path[-1, :2]).sum(axis=1)
+        reached = away < np.square(SEARCH.beyond * shift[:count] + DRIFT.room)
+        near = shift[:count] <= DRIFT.room
+        scene = place_search.Scene(path, along, readings, count, shift, turn)
+        return scene, np.flatnonzero(reached & near), np.flatnonzero(reached & ~near)
 
     def drift(self, path: FloatArray, node: int) -> Tuple[FloatArray, FloatArray]:
         """Return the greatest drift of ``node`` against each node, (K,) [m] and (K,) [rad].
@@ -197,8 +209,7 @@ class LoopGraph:
         turn = DRIFT.least[1] + DRIFT.deviations * np.sqrt(out[:, 2])
         return np.minimum(shift, DRIFT.most), np.minimum(turn, math.pi)
 
-    def near_link(self, scene: place_search.Scene, near: IndexArray,
-                  reach: float = 0.0) -> Tuple[Optional[Link], Any, bool]:
+    def near_link(self, scene: place_search.Scene, near: IndexArray, reach: float = 0.0) -> Optional[Closure]:
         """Search for a loop closure close to the present pose of the newest node.
 
         Parameters
@@ -212,47 +223,43 @@ class LoopGraph:
 
         Returns
         -------
-        link : Link or None
-        pose : (3,) float64 or None
-        slides : bool
-            Whether the match is ambiguous or degenerate. The loop closure then has no information in one direction.
+        Closure or None
         """
         self.searches += 1
         pose, slides = place_search.near_search(scene, near)
         found = None if pose is None else place_match.fine_match(
             self._matcher, self._resolution, scene, near, pose, reach)
         if found is None:
-            return None, None, False
-        node, row, around, supported = found
+            return None
+        _, row, around, _ = found
         change = change_of(scene.path, row[:3])
         if not is_within(change, SEARCH.local) and is_contradicted(scene, row[:3], around):
-            return None, None, False
+            return None
         # along a plain wall the scan fits best where old scans saw all of the wall, and a second search agrees
         moved = bool((change[:2] > SEARCH.local[0]).any())
-        slides = slides or ((reach > 0.0 or moved) and not is_observed(row))
-        row[mk.INFORMATION:] = supported
-        return link_of(scene.path, node, row, slides), row[:3].copy(), slides
+        return _closure(scene, found, slides or ((reach > 0.0 or moved) and not is_observed(row)))
 
-    def fine_match(self, scene: place_search.Scene, old: IndexArray, pose: FloatArray,
-                   reach: float) -> Optional[place_match.FineMatch]:
-        """Return ``place_match.fine_match`` with the matcher and resolution of this graph.
+    def wide_link(self, scene: place_search.Scene, old: IndexArray) -> Optional[Tuple[Closure, place_search.Place]]:
+        """Search for a loop closure within the drift of the newest node.
 
         Parameters
         ----------
         scene : Scene
             The path and its drift.
         old : (C,) int64
-            Old nodes.
-        pose : (3,) float64
-            Start pose in ``map``.
-        reach : float
-            Length of the path whose scans are used [m].
+            Nodes to search.
 
         Returns
         -------
-        FineMatch or None
+        (Closure, Place) or None
+            The loop closure, and where the search before the match found it; None also if scans contradict it.
         """
-        return place_match.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
+        place = place_search.wide_search(scene, old)
+        found = None if place is None else place_match.fine_match(
+            self._matcher, self._resolution, scene, old, place.pose, place.reach)
+        if place is None or found is None or is_contradicted(scene, found[1][:3], found[2]):
+            return None
+        return _closure(scene, found, not is_observed(found[1])), place
 
     def solve(self, path: FloatArray, opened: bool = False) -> Optional[FloatArray]:
         """Optimise the graph, then remove the loop closures that the others contradict.

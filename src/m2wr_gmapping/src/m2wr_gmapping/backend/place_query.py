@@ -2,7 +2,7 @@
 """The query of a place search: end points of the newest scans, placed in one frame and thinned."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Sequence, Tuple
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
@@ -10,24 +10,18 @@ from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_gmapping.backend.route import Route
     from m2wr_node.array_types import FloatArray, IndexArray, Vector
 
 
-def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                 reach: float) -> FloatArray:
+def query_points(route: Route, reach: float) -> FloatArray:
     """Return end points of the scans on the last ``reach`` metres of the path, in the newest node's frame.
 
     Points far beyond the path are left out, which limits the raster of a search.
 
     Parameters
     ----------
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    along : (K,) float64
-        Length of the path up to each node [m].
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
+    route : Route
     reach : float
         Length of the path whose scans are used [m].
 
@@ -35,6 +29,7 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
     -------
     (2, Q) float64
     """
+    path, along, readings = route.path, route.along, route.readings
     first = int(np.searchsorted(along, along[-1] - reach))
     points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
     away, count = max(reach, SEARCH.reach), 0
@@ -43,29 +38,8 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
     return points[:, :count]
 
 
-def wide_query(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float) -> FloatArray:
-    """Return the query of a wide search: few points, evenly distributed over the area that was seen.
-
-    Parameters
-    ----------
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    along : (K,) float64
-        Length of the path up to each node [m].
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
-    reach : float
-        Length of the path whose scans are used [m].
-
-    Returns
-    -------
-    (2, Q) float64
-    """
-    return few_points(query_points(path, along, readings, reach))
-
-
 def few_points(points: FloatArray) -> FloatArray:
-    """Return few of the points, evenly distributed over the area that was seen.
+    """Return few of the points for a wide search, evenly distributed over the area that was seen.
 
     Parameters
     ----------
@@ -76,7 +50,7 @@ def few_points(points: FloatArray) -> FloatArray:
     -------
     (2, M) float64
     """
-    return thinned(spread_out(points, SEARCH.spacing), SEARCH.points)
+    return thinned(points[:, spread_first(points, SEARCH.spacing)], SEARCH.points)
 
 
 def evenly(nodes: IndexArray, most: int) -> IndexArray:
@@ -125,25 +99,8 @@ def thinned(points: FloatArray, count: int) -> FloatArray:
     return np.ascontiguousarray(points[:, ::max(1, points.shape[1] // count)])
 
 
-def spread_out(points: FloatArray, spacing: float) -> FloatArray:
-    """Return one point for each cell, so that areas that were seen often count once.
-
-    Parameters
-    ----------
-    points : (2, Q) float64
-        Points [m].
-    spacing : float
-        Cell size [m].
-
-    Returns
-    -------
-    (2, M) float64
-    """
-    return points[:, spread_first(points, spacing)]
-
-
 def spread_first(points: FloatArray, spacing: float) -> IndexArray:
-    """Return the indices of the points that ``spread_out`` returns.
+    """Return the index of one point in each cell, so that areas that were seen often count once.
 
     Parameters
     ----------

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_query import evenly, query_points, thinned, wide_query
+from m2wr_gmapping.backend.place_query import evenly, few_points, query_points, thinned
+from m2wr_gmapping.backend.route import Route
 from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import DRIFT, SEARCH
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array
 
 NEAR_CELL, WIDE_CELL = SEARCH.cells
@@ -43,25 +43,18 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(Route):
     """The path, and the drift of the newest node against each other node.
 
     Attributes
     ----------
-    path : (K, 3) float64
-    along : (K,) float64
-        Length of the path up to each node [m].
-    readings : sequence of K ScanReading
-    old : (C,) int
-        Nodes that count as old.
+    count : int
+        So many nodes count as old, from the first on.
     shift, turn : (K,) float64
         Drift [m], [rad].
     """
 
-    path: FloatArray
-    along: FloatArray
-    readings: Sequence[ScanReading]
-    old: IndexArray
+    count: int
     shift: FloatArray
     turn: FloatArray
 
@@ -98,8 +91,8 @@ class Raster:
         return found
 
 
-def raster_around(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
-                  readings: Sequence[ScanReading], window: float, cell: float) -> Raster:
+def raster_around(pose: FloatArray, query: FloatArray, route: Route, reference: IndexArray, window: float,
+                  cell: float) -> Raster:
     """Return the raster of old end points in which the query can be searched around ``pose``.
 
     Parameters
@@ -108,12 +101,9 @@ def raster_around(pose: FloatArray, query: FloatArray, path: FloatArray, referen
         Pose x, y [m], theta [rad] in ``map``.
     query : (2, Q) float64
         Points of the query in the newest node's frame [m].
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    route : Route
     reference : (R,) int64
         Nodes whose end points make the raster.
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
     window : float
         Greatest half width of a search [m].
     cell : float
@@ -124,7 +114,7 @@ def raster_around(pose: FloatArray, query: FloatArray, path: FloatArray, referen
     cells = int(2.0 * radius / cell) + 2
     values = np.zeros((cells, cells), np.uint8)
     for node in reference:
-        ck.stamp_points(path[node], readings[node].points, corner, 1.0 / cell, values)
+        ck.stamp_points(route.path[node], route.readings[node].points, corner, 1.0 / cell, values)
     return Raster(corner, cell, values)
 
 
@@ -178,7 +168,7 @@ def _rated(pose: FloatArray, query: FloatArray, scene: Scene, reference: IndexAr
     Returns ``rating`` and ``turn`` [rad] of ``correlative_kernels.survey``.
     """
     window = len(allowed) // 2 * raster_cell
-    raster = raster_around(pose, query, scene.path, reference, scene.readings, window, raster_cell)
+    raster = raster_around(pose, query, scene, reference, window, raster_cell)
     seen = np.zeros_like(raster.values)
     for node in reference:
         ck.mark_seen(scene.path[node], scene.readings[node].rays, raster.corner, 1.0 / raster_cell, seen)
@@ -252,14 +242,14 @@ def near_search(scene: Scene, old: IndexArray) -> Tuple[Optional[FloatArray], bo
     ambiguous : bool
         Whether other places fit as well; ``pose`` is then the best one close to the present pose.
     """
-    path, readings = scene.path, scene.readings
+    path = scene.path
     near = old[np.argsort(scene.distance[old], kind="stable")][:4 * SEARCH.nodes[0]]
     reference = near[::max(1, len(near) // SEARCH.nodes[0])]
-    query = thinned(query_points(path, scene.along, readings, SEARCH.near_path), SEARCH.points)
+    query = thinned(query_points(scene, SEARCH.near_path), SEARCH.points)
     if query.shape[1] < SEARCH.fewest:
         return None, False
     window, turn = scene.shift[old].max(), scene.turn[old].max()
-    raster = raster_around(path[-1], query, path, reference, readings, window, NEAR_CELL)
+    raster = raster_around(path[-1], query, scene, reference, window, NEAR_CELL)
     best = coarse_search(raster, path[-1], query, window, turn, SEARCH.least_score)
     if best[3] < SEARCH.least_score:
         return None, False
@@ -344,18 +334,17 @@ def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach:
     score : float
         Score of the first search.
     """
-    path, readings, pose = scene.path, scene.readings, scene.path[-1]
-    query = wide_query(path, scene.along, readings, reach)
+    pose, query = scene.path[-1], few_points(query_points(scene, reach))
     if query.shape[1] < SEARCH.fewest or not len(reference):
         return query, np.zeros(7), 0.0
-    away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
+    away, shifts, turn = scene.path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
     window = SEARCH.beyond * float(shifts.max())
-    best = coarse_search(raster_around(pose, query, path, reference, readings, window, cell), pose, query, window, turn,
+    best = coarse_search(raster_around(pose, query, scene, reference, window, cell), pose, query, window, turn,
                          SEARCH.least_score,
                          lambda middles: near_places(middles, away, DRIFT.room, 0.0, SEARCH.beyond * shifts))
     score = float(best[3])
     if is_unique(best):
-        raster = raster_around(best[:3], query, path, reference, readings, DRIFT.least[0], NEAR_CELL)
+        raster = raster_around(best[:3], query, scene, reference, DRIFT.least[0], NEAR_CELL)
         best = coarse_search(raster, best[:3], query, *DRIFT.least, SEARCH.least_score)
     return query, best, score
 
@@ -374,7 +363,7 @@ def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, ref
         return near_places(middles, away, DRIFT.room) * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
 
     window = float(np.hypot(*moved)) + float(most.max())
-    raster = raster_around(best[:3], query, scene.path, reference, scene.readings, window, NEAR_CELL)
+    raster = raster_around(best[:3], query, scene, reference, window, NEAR_CELL)
     return coarse_search(raster, best[:3], query, window, DRIFT.least[1], SEARCH.least_score, allowed)
 
 
@@ -384,9 +373,9 @@ def _older_nodes(scene: Scene, reach: float, distance: float, drift: float = 0.0
     The drift against each is at least ``drift`` [m]. Nodes with the same drift as the newest one fit at its present
     pose, whether this is right or not.
     """
-    known = scene.old[(scene.distance[scene.old] < distance) & (scene.shift[scene.old] >= drift)
-                      & (scene.along[scene.old] < scene.along[-1] - reach - DRIFT.room)]
-    return evenly(known, SEARCH.nodes[2])
+    known = np.flatnonzero((scene.distance < distance) & (scene.shift >= drift)
+                           & (scene.along < scene.along[-1] - reach - DRIFT.room))
+    return evenly(known[known < scene.count], SEARCH.nodes[2])
 
 
 def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float:
@@ -394,35 +383,33 @@ def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float
     reference = _older_nodes(scene, reach, SEARCH.reach + reach)
     if not len(reference):
         return 0.0
-    return score_here(query, scene.path, reference, scene.readings)
+    return score_here(query, scene, reference)
 
 
-def score_here(query: FloatArray, path: FloatArray, reference: IndexArray, readings: Sequence[ScanReading]) -> float:
+def score_here(query: FloatArray, route: Route, reference: IndexArray) -> float:
     """Return the score of the query close to the present pose of the newest node.
 
     Parameters
     ----------
     query : (2, Q) float64
         Points of the query in the newest node's frame [m].
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    route : Route
     reference : (R,) int64
         Nodes whose end points make the raster.
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
     """
-    raster = raster_around(path[-1], query, path, reference, readings, SEARCH.local[0], WIDE_CELL)
-    return float(coarse_search(raster, path[-1], query, *SEARCH.local)[3])
+    newest = route.path[-1]
+    raster = raster_around(newest, query, route, reference, SEARCH.local[0], WIDE_CELL)
+    return float(coarse_search(raster, newest, query, *SEARCH.local)[3])
 
 
 def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexArray]:
     """Return the best place outside the drift, and the nodes there. If the query fits there, the area is ambiguous."""
-    path, known = scene.path, scene.old[scene.distance[scene.old] < SEARCH.alike + DRIFT.room]
+    path, known = scene.path, np.flatnonzero(scene.distance[:scene.count] < SEARCH.alike + DRIFT.room)
     if not len(known):
         return np.zeros(7), known
     reference = evenly(known, SEARCH.nodes[1])
     away, least = path[known, :2] - path[-1, :2], SEARCH.beyond * scene.shift[known] + SEARCH.apart[0]
-    raster = raster_around(path[-1], query, path, reference, scene.readings, SEARCH.alike, WIDE_CELL)
+    raster = raster_around(path[-1], query, scene, reference, SEARCH.alike, WIDE_CELL)
     best = coarse_search(raster, path[-1], query, SEARCH.alike, DRIFT.least[1], 0.0,
                          lambda middles: near_places(middles, away, DRIFT.room, least, SEARCH.alike))
     return best, reference

@@ -10,17 +10,16 @@ looks the same.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, List, Optional, Sequence
 
 import numpy as np
 
 from m2wr_gmapping.backend import place_search
-from m2wr_gmapping.backend.loop_graph import is_observed, is_within, link_of
-from m2wr_gmapping.backend.occlusion import is_contradicted
-from m2wr_gmapping.backend.place_query import evenly, few_points, wide_query
+from m2wr_gmapping.backend.loop_graph import is_within
+from m2wr_gmapping.backend.place_query import evenly, few_points, query_points
 from m2wr_gmapping.backend.place_search import near_places
-from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
 from m2wr_maps.se2 import between, compose, inverse, wrap
@@ -69,18 +68,12 @@ class TurnedPath:
         self._finds: List[TurnedFind] = []
         self._searched_at = 0.0
 
-    def search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-               doubtful: List[Doubt]) -> Optional[List[TurnedFind]]:
+    def search(self, route: Route, doubtful: List[Doubt]) -> Optional[List[TurnedFind]]:
         """Search at the newest node; return the results that agree on a turn, once there are enough.
 
         Parameters
         ----------
-        path : (K, 3) float64
-            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-        along : (K,) float64
-            Length of the path up to each node [m].
-        readings : sequence of K ScanReading
-            Scans of the path's nodes.
+        route : Route
         doubtful : list of Doubt
             Steps on which the robot may have turned. Those that loop closures have settled are removed.
 
@@ -88,6 +81,7 @@ class TurnedPath:
         -------
         list of TurnedFind or None
         """
+        path, along = route.path, route.along
         here = along[-1]
         follows = bool(self._finds) and self._finds[-1].along == self._searched_at
         if here - self._searched_at < (LOOPS.every if follows else LOOPS.spacing):
@@ -98,17 +92,17 @@ class TurnedPath:
         if not any(alike.any() for _, alike in doubts):
             return None
         self._searched_at = here
-        query = wide_query(path, along, readings, SEARCH.path)
+        query = few_points(query_points(route, SEARCH.path))
         if query.shape[1] < SEARCH.fewest:
             return None
         shift, turn = self._graph.drift(path, len(path) - 1)
         found = None
         if self._finds:         # the place of the newest scans after the last turn found is known already
-            found = self._verify(query, path, along, readings, doubts, shift, self._finds[-1].correction)
+            found = self._verify(query, route, doubts, shift, self._finds[-1].correction)
         if found is None:
-            correction = self._coarse(query, path, readings, doubts, shift, turn)
+            correction = self._coarse(query, route, doubts, shift, turn)
             if correction is not None:
-                found = self._verify(query, path, along, readings, doubts, shift, correction)
+                found = self._verify(query, route, doubts, shift, correction)
         if found is None:
             return None
         self._finds = [find for find in self._finds if here - find.along < TURNS.memory] + [found]
@@ -131,17 +125,18 @@ class TurnedPath:
 
         doubtful[:] = [doubt for doubt in doubtful if not is_settled(doubt[0])]
 
-    def _coarse(self, query: FloatArray, path: FloatArray, readings: Sequence[ScanReading], doubts: List[Doubt],
-                shift: FloatArray, turn: FloatArray) -> Optional[FloatArray]:
+    def _coarse(self, query: FloatArray, route: Route, doubts: List[Doubt], shift: FloatArray,
+                turn: FloatArray) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node.
 
         All right angles at all nodes compete, those too after which the place does not look alike. The window is the
         drift since the turn, ``shift`` [m] and ``turn`` [rad] against all nodes.
         """
-        nodes, newest = [node for node, _ in doubts], path[-1]
+        path, nodes = route.path, [node for node, _ in doubts]
+        newest = path[-1]
         last, first = nodes[-1], min(node for node, alike in doubts if alike.any())
         # a place is not verified if the scans before the turn explain the newest ones as well
-        least = max(SEARCH.least_score, _score_before(query, path, readings, first) / SEARCH.rival)
+        least = max(SEARCH.least_score, _score_before(query, route, first) / SEARCH.rival)
         if least > 1.0:
             return None
         old = path[:last, :2]
@@ -155,44 +150,40 @@ class TurnedPath:
 
         window = float((old.max(axis=0) - centre).max()) + DRIFT.room
         pose = np.append(centre, newest[2])
-        raster = place_search.raster_around(pose, query, path, evenly(np.arange(last), SEARCH.nodes[1]), readings,
-                                            window, SEARCH.cells[1])
+        raster = place_search.raster_around(pose, query, route, evenly(np.arange(last), SEARCH.nodes[1]), window,
+                                            SEARCH.cells[1])
         best = place_search.coarse_search(raster, pose, query, window, min(float(turn[nodes].max()), 0.25 * math.pi),
                                           least, allowed, RIGHT_ANGLES)
         return compose(best[:3], inverse(newest)) if place_search.is_unique(best) else None
 
-    def _verify(self, query: FloatArray, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                doubts: List[Doubt], shift: FloatArray, correction: FloatArray) -> Optional[TurnedFind]:
+    def _verify(self, query: FloatArray, route: Route, doubts: List[Doubt], shift: FloatArray,
+                correction: FloatArray) -> Optional[TurnedFind]:
         """Search again with the path after a turn by ``correction``, against the scans before the turn only."""
+        path = route.path
         node = turned_node(path, doubts, correction, shift)
         if node is None:
             return None
-        turned = turned_after(path, node, correction)
-        scene, near, far = self._graph.scene(turned, along, readings, len(path) - 1)
+        turned = replace(route, path=turned_after(path, node, correction))
+        scene, near, far = self._graph.scene(turned, len(path) - 1)
         old = np.concatenate([near, far])
         old = old[old < node]
-        if not len(old):
+        found = self._graph.wide_link(scene, old) if len(old) else None
+        if found is None:
             return None
-        place = place_search.wide_search(scene, old)
-        found = None if place is None else self._graph.fine_match(scene, old, place.pose, place.reach)
-        if found is None or place is None:
+        closure, place = found
+        if closure.slides or _score_before(query, route, node) > SEARCH.rival * place.score:
             return None
-        nearest, row, around, supported = found
-        if not is_observed(row) or is_contradicted(scene, row[:3], around) \
-                or _score_before(query, path, readings, node) > SEARCH.rival * place.score:
-            return None
-        pose = row[:3].copy()
-        row[mk.INFORMATION:] = supported
-        return TurnedFind(float(along[-1]), node, link_of(turned, nearest, row), compose(pose, inverse(path[-1])))
+        return TurnedFind(float(route.along[-1]), node, closure.link, compose(closure.pose, inverse(path[-1])))
 
 
-def _score_before(query: FloatArray, path: FloatArray, readings: Sequence[ScanReading], node: int) -> float:
+def _score_before(query: FloatArray, route: Route, node: int) -> float:
     """Return how well the query at its present pose fits the scans before ``node``, from 0 to 1."""
+    path = route.path
     distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
     reference = evenly(np.flatnonzero(distance < SEARCH.reach + SEARCH.path), SEARCH.nodes[1])
     if not len(reference):
         return 0.0
-    return place_search.score_here(query, path, reference, readings)
+    return place_search.score_here(query, route, reference)
 
 
 def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
@@ -207,12 +198,12 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
     readings : sequence of K ScanReading
         Scans of the path's nodes.
     """
-    newest = path[-1]
+    route, newest = Route(path, distances_along(path), readings), path[-1]
     query = few_points(readings[len(path) - 1].points)
     around = np.flatnonzero(np.hypot(*(path[:-1] - newest)[:, :2].T) < SEARCH.reach)
     if query.shape[1] < SEARCH.fewest or not len(around):
         return np.ones(len(RIGHT_ANGLES), bool)
-    raster = place_search.raster_around(newest, query, path, evenly(around, SEARCH.nodes[1]), readings, DRIFT.room,
+    raster = place_search.raster_around(newest, query, route, evenly(around, SEARCH.nodes[1]), DRIFT.room,
                                         SEARCH.cells[1])
     least = SEARCH.rival * place_search.coarse_search(raster, newest, query, *SEARCH.local)[3]
     scores = [place_search.coarse_search(raster, newest, query, DRIFT.room, DRIFT.least[1], least, None, (angle,))[3]
@@ -220,8 +211,7 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
     return np.array([score >= least for score in scores])
 
 
-def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
-                  node: int) -> bool:
+def is_consistent(graph: LoopGraph, route: Route, node: int) -> bool:
     """Return whether the path after a turn nowhere conflicts by occlusion with the scans before it.
 
     Scans are compared with those that have little drift against them. One that conflicts is searched within this drift
@@ -230,18 +220,15 @@ def is_consistent(graph: LoopGraph, path: FloatArray, along: FloatArray, reading
     Parameters
     ----------
     graph : LoopGraph
-    path : (K, 3) float64
-        Poses with the turn [m, m, rad], in ``map``.
-    along : (K,) float64
-        Length of the path up to each node [m].
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
+    route : Route
+        The path with the turn.
     node : int
         First node after the turn.
     """
+    path, along, readings = route.path, route.along, route.readings
     shares = []
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
-        scene, near, _ = graph.scene(path, along, readings, int(later))
+        scene, near, _ = graph.scene(route, int(later))
         near = near[near < node]
         if not len(near):
             continue

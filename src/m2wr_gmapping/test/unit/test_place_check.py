@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Walls have two sides: a scan of the one is no evidence for a place from which the other was seen."""
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping.backend.facing import opposite_share
-from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
+from m2wr_gmapping.backend.loop_graph import LoopGraph
+from m2wr_gmapping.backend.place_check import opposite_share
 from m2wr_gmapping.backend.place_search import Scene
+from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.matcher import FastMatcher
@@ -35,7 +37,7 @@ def scene(thick, side=1.0):
     places += [(x, AWAY * side, -0.5 * side * math.pi) for x in np.arange(-1.0, 1.1, 0.5)]
     path = np.array(places)
     readings = [LASER.reading(ranges(walls(thick), pose, LASER.angles)) for pose in path]
-    return Scene(path, distances_along(path), readings, np.arange(9), np.full(len(path), 1.4), np.full(len(path), 0.2))
+    return Scene(path, distances_along(path), readings, 9, np.full(len(path), 1.4), np.full(len(path), 0.2))
 
 
 @pytest.mark.parametrize("side, moved, low, high", [
@@ -50,8 +52,7 @@ def test_the_other_face_of_a_wall_is_opposite(side, moved, low, high):
 def test_scans_without_end_points_are_not_opposite():
     seen = scene(THICK)
     empty = LASER.reading(np.full(241, np.inf))
-    assert opposite_share(Scene(seen.path, seen.along, [empty] * 14, seen.old, seen.shift, seen.turn), seen.path[-1],
-                          np.arange(9)) == 0.0
+    assert opposite_share(replace(seen, readings=[empty] * 14), seen.path[-1], np.arange(9)) == 0.0
 
 
 def near_link(seen):
@@ -60,10 +61,10 @@ def near_link(seen):
 
 
 def test_no_loop_is_closed_on_the_other_side_of_a_wall():
-    link, pose, _ = near_link(scene(THICK))
-    assert link is None or abs(pose[1] - AWAY) < 0.1
+    found = near_link(scene(THICK))
+    assert found is None or abs(found.pose[1] - AWAY) < 0.1
 
 
 def test_a_loop_is_closed_on_the_same_side_of_a_wall():
-    link, pose, _ = near_link(scene(THICK, -1.0))
-    assert link is not None and np.allclose(pose, (1.0, -AWAY, math.pi / 2), atol=0.05)
+    found = near_link(scene(THICK, -1.0))
+    assert found is not None and np.allclose(found.pose, (1.0, -AWAY, math.pi / 2), atol=0.05)
