@@ -264,7 +264,8 @@ class Drift:
                            "differ by less agree.", "geometry: several cells of the raster of a wide search")
     most: float = tuned(30.0, "m", "Greatest half width of a search along x and y; rotations have none.",
                         "time and memory of a search: both grow with its square")
-    room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",
+    room: float = tuned(2.5, "m", "Greatest distance of a result from the old path. With less drift only the newest "
+                        "scans are searched, and of the old ones those within drift and room.",
                         "geometry: half of a room")
     step: Vector3 = tuned((0.01, 0.01, 0.004), "m, m, rad", "Least standard deviation of a step of the path.",
                           "geometry: a fifth of a cell")
@@ -274,11 +275,6 @@ class Drift:
                                "factor.",
                                "the filter has to follow at once, the smoother knows the whole run")
 
-    @property
-    def near(self) -> float:
-        """With less drift only the newest scans are searched, and of the old ones those within drift and room [m]."""
-        return self.room
-
 
 @dataclass(frozen=True)
 class Search:
@@ -286,14 +282,15 @@ class Search:
 
     local: Vector2 = tuned((0.3, 0.08), "m, rad", "A correction up to this needs no other one; corrections by near "
                            "searches that differ by less agree.", "geometry: three cells of the raster, at 4 m")
-    least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one.", UNKNOWN)
+    least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one, and least share of the "
+                               "beams with a partner in the match after a search.", UNKNOWN)
     rival: float = tuned(0.9, "1", "Another place with this share of the best score, or of the best rating by points "
                          "in free space, makes the result ambiguous.",
                          "development logs: with 0.92 equal aisles are closed wrongly")
     against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
     path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
                         "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
-    points: int = tuned(240, "1", "Points of a query.", "time of a search")
+    points: int = tuned(240, "1", "Points of a query, and beams of the match after a search.", "time of a search")
     spacing: float = tuned(0.25, "m", "Cell with one point of the query of a wide search.",
                            "geometry: one cell of its raster; tests with shallow niches")
     reach: float = tuned(12.0, "m", "Farther end points are not used. A place is old after this path, and a candidate "
@@ -357,11 +354,6 @@ class Links:
         return 1.0 / (1.0 + 1.0 + 1.0 / 2.0 + 1.0 / 6.0)
 
     @property
-    def beams(self) -> int:
-        """Such a match has as many beams as a query has points [1]."""
-        return SEARCH.points
-
-    @property
     def unheld(self) -> Vector3:
         """Standard deviations in directions that the scans do not fix: the greatest drift [m, m, rad]."""
         return DRIFT.most, DRIFT.most, math.pi
@@ -375,11 +367,6 @@ class Links:
     def nodes(self) -> float:
         """Additional old scans per distance of a segment that is matched together: as dense as for one scan [1/m]."""
         return SEARCH.nodes[0] / self.reach
-
-    @property
-    def partners(self) -> float:
-        """Least share of the beams with a partner, the least score of a search [1]."""
-        return SEARCH.least_score
 
     @property
     def looks(self) -> int:
@@ -396,7 +383,8 @@ class Links:
 class Loops:
     """When loop closures are searched and accepted."""
 
-    every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
+    every: float = tuned(1.0, "m", "Path between two searches. A node this close to a loop closure needs no other one: "
+                         "it would be found by the same search.", "time of a search")
     evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
                             "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
     searches: int = tuned(4, "1", "Searches of an extension per scan.", "longest time of a scan")
@@ -405,11 +393,6 @@ class Loops:
     def least_change(self) -> Vector2:
         """The maps are made again if a pose certainly moves by more than the error of a step [m, rad]."""
         return MATCHING.certain * DRIFT.step[0], MATCHING.certain * DRIFT.step[2]
-
-    @property
-    def linked(self) -> float:
-        """A node this close to a loop closure needs no other one: it would be found by the same search [m]."""
-        return self.every
 
     @property
     def spacing(self) -> float:

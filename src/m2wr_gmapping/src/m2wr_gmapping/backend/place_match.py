@@ -60,7 +60,7 @@ def merged_scan(scene: Scene, reach: float) -> MergedScan:
         beams[[mk.NX, mk.NY]] = placed([0.0, 0.0, pose[2]], beams[[mk.NX, mk.NY]])
         parts.append(beams[:, np.square(beams[[mk.QX, mk.QY]]).sum(axis=0) < SEARCH.reach**2])
     beams = np.concatenate(parts, axis=1)
-    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], SEARCH.cells[0])], LINKS.beams)
+    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], SEARCH.cells[0])], SEARCH.points)
     qx, qy, nx, ny = beams[[mk.QX, mk.QY, mk.NX, mk.NY]]
     beams[mk.ARM_N], beams[mk.ARM_T] = ny * qx - nx * qy, nx * qx + ny * qy
     return MergedScan(beams)
@@ -102,7 +102,7 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     maps = TileMaps(1, resolution, NEVER)
     maps.register_path(0, path[around], [readings[node] for node in around])
     row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(LINKS.prior))
-    if row[mk.SCORE] < MATCHING.score * beams or row[mk.FOUND] < LINKS.partners * beams:
+    if row[mk.SCORE] < MATCHING.score * beams or row[mk.FOUND] < SEARCH.least_score * beams:
         return None
     return int(around[0]), row, around, _supported_information(matcher, maps, reading, row)
 
