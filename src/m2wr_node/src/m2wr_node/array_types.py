@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Names of the array types in type hints. Docstrings give the shapes."""
+"""Names of the array types in type hints. Docstrings give the shapes.
+
+They can be imported like other names. At run time they are ``Any``: numpy's own need a newer numpy, and time to import.
+"""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from typing import Sequence, Union
@@ -23,3 +26,7 @@ if TYPE_CHECKING:
     CountArray = Union[Uint16Array, Uint32Array]
     BoolArray = NDArray[np.bool_]
     Vector = Union[Sequence[float], FloatArray]      # a few numbers that are read one by one
+else:
+    FloatArray = Float32Array = Complex64Array = Any
+    IndexArray = Int32Array = Int16Array = Int8Array = Any
+    Uint32Array = Uint16Array = Uint8Array = CountArray = BoolArray = Vector = Any
