@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import Any, Tuple
 
 import numpy as np
 
 from m2wr_maps import pose_graph_kernels as kernels
 from m2wr_maps.se2 import wrap
-
-if TYPE_CHECKING:
-    from m2wr_node.array_types import BoolArray, FloatArray
+from m2wr_node.array_types import BoolArray, FloatArray
 
 ITERATIONS, MOST_ITERATIONS = 6, 16     # with the final kernel, and together with those in which it narrows
 CONVERGED = 1e-4                        # largest component of a step [m], [rad]

@@ -23,14 +23,12 @@ Array layouts
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Tuple
+from typing import Tuple
 
 import numpy as np
 
+from m2wr_node.array_types import FloatArray, IndexArray
 from m2wr_node.kernel import kernel
-
-if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray, IndexArray
 
 WORD = 64
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 from m2wr_gmapping.backend.loop_extension import LoopExtension
-from m2wr_gmapping.backend.loop_graph import LoopGraph, change_of, is_within
+from m2wr_gmapping.backend.loop_graph import Link, LoopGraph, change_of, is_within
+from m2wr_gmapping.backend.place_search import Scene
 from m2wr_gmapping.backend.route import Route, distances_along
-from m2wr_gmapping.backend.step_history import turned_step
+from m2wr_gmapping.backend.step_history import StepHistory, turned_step
 from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
 from m2wr_maps.se2 import between, compose, inverse
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.loop_graph import Link
-    from m2wr_gmapping.backend.place_search import Scene
-    from m2wr_gmapping.backend.step_history import StepHistory
-    from m2wr_gmapping.frontend.matcher import FastMatcher
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray, IndexArray
-
+from m2wr_node.array_types import FloatArray, IndexArray
 
 MOST_CONCLUSIONS = 10       # optimisations at the end of a run, should it never come to rest
 

@@ -2,18 +2,15 @@
 """Extension of accepted loop closures along the path, and search for loop closures at older nodes."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, List, Optional, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.backend.loop_graph import change_of, is_within
+from m2wr_gmapping.backend.loop_graph import Closure, Link, LoopGraph, change_of, is_within
+from m2wr_gmapping.backend.route import Route
 from m2wr_gmapping.tuning import LOOPS, SEARCH
 from m2wr_maps.se2 import between, compose, inverse
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.loop_graph import Closure, Link, LoopGraph
-    from m2wr_gmapping.backend.route import Route
-    from m2wr_node.array_types import FloatArray
+from m2wr_node.array_types import FloatArray
 
 
 class LoopExtension:

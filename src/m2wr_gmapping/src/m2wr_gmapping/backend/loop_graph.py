@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
 from m2wr_gmapping.backend.place_check import is_contradicted
+from m2wr_gmapping.backend.route import Route
+from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
+from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
 from m2wr_maps.pose_graph import optimise
 from m2wr_maps.se2 import between, compose, wrap
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.route import Route
-    from m2wr_gmapping.backend.step_history import StepHistory
-    from m2wr_gmapping.frontend.matcher import FastMatcher
-    from m2wr_node.array_types import FloatArray, IndexArray
+from m2wr_node.array_types import FloatArray, IndexArray
 
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
-Link = Tuple[int, int, "FloatArray", "FloatArray"]
+Link = Tuple[int, int, FloatArray, FloatArray]
 
 
 def covariance(information: FloatArray, deviations: FloatArray, floor: FloatArray) -> FloatArray:

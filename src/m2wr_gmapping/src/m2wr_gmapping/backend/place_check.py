@@ -6,20 +6,18 @@ old one best if the robot is shifted by the wall's thickness, and no ray passes 
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Tuple
+from typing import Tuple
 
 import numpy as np
 
 from m2wr_gmapping.backend.place_query import placed
+from m2wr_gmapping.backend.place_search import Scene
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.occlusion import conflict_of
+from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import LINKS, OCCLUSION, SEARCH
 from m2wr_maps.se2 import between, compose
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.place_search import Scene
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray, IndexArray
+from m2wr_node.array_types import FloatArray, IndexArray
 
 
 def is_contradicted(scene: Scene, pose: FloatArray, around: IndexArray) -> bool:

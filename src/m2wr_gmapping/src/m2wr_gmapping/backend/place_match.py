@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Optional, Tuple, Union
+from typing import Optional, Tuple, Union
 
 import numpy as np
 
 from m2wr_gmapping.backend.place_query import placed, spread_first, thinned
+from m2wr_gmapping.backend.place_search import Scene
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.matcher import NARROW
+from m2wr_gmapping.frontend.matcher import NARROW, FastMatcher
+from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import LINKS, MATCHING, SEARCH
 from m2wr_maps.se2 import between, compose
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.place_search import Scene
-    from m2wr_gmapping.frontend.matcher import FastMatcher
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray, IndexArray
+from m2wr_node.array_types import FloatArray, IndexArray
 
 PROBE_STEP = math.sqrt(NARROW)          # shift by which a match is tested for observability [m]
 RISE = 0.25 * NARROW * (1.0 - LINKS.weight)     # expected rise of the cost there per unit of information, times 1/2
@@ -27,7 +24,7 @@ PINNED = 1e12               # information that fixes a pose
 
 
 #: Nearest old node, result row (13,), old nodes (A,) of the map, supported information (6,).
-FineMatch = Tuple[int, "FloatArray", "IndexArray", "FloatArray"]
+FineMatch = Tuple[int, FloatArray, IndexArray, FloatArray]
 
 
 @dataclass(frozen=True)

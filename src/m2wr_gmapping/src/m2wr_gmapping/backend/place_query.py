@@ -2,16 +2,14 @@
 """The query of a place search: end points of the newest scans, placed in one frame and thinned."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Tuple
+from typing import Tuple
 
 import numpy as np
 
+from m2wr_gmapping.backend.route import Route
 from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import SEARCH
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.route import Route
-    from m2wr_node.array_types import FloatArray, IndexArray, Vector
+from m2wr_node.array_types import FloatArray, IndexArray, Vector
 
 
 def query_points(route: Route, reach: float) -> FloatArray:

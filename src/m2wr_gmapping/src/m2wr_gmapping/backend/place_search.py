@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple, Union
+from typing import Callable, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from m2wr_gmapping.backend.place_query import evenly, few_points, query_points, 
 from m2wr_gmapping.backend.route import Route
 from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.tuning import DRIFT, SEARCH
-
-if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array
+from m2wr_node.array_types import FloatArray, IndexArray, Uint8Array
 
 NEAR_CELL, WIDE_CELL = SEARCH.cells
 MARGIN = 1.0                # of the raster around what can be hit [m]

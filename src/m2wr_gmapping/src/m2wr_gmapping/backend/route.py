@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Sequence
+from typing import Sequence
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray
+from m2wr_gmapping.frontend.scan import ScanReading
+from m2wr_node.array_types import FloatArray
 
 
 @dataclass(frozen=True)

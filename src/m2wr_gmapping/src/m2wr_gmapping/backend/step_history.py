@@ -6,7 +6,7 @@ first steps are as wrong as the first calibration was. They are corrected when m
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Dict, List, Tuple
+from typing import Any, Dict, List, Tuple
 
 import numpy as np
 
@@ -15,16 +15,14 @@ from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_informati
 from m2wr_gmapping.frontend.track import CALIBRATION_CHANGE, CALIBRATION_PRIOR, RECORD_SIZE
 from m2wr_gmapping.tuning import DRIFT
 from m2wr_maps.se2 import between, compose
-
-if TYPE_CHECKING:
-    from m2wr_node.array_types import BoolArray, FloatArray
+from m2wr_node.array_types import BoolArray, FloatArray
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
 #: Measured pose (3,) of a node from the one before, its information (3, 3), position variance [m^2], record.
-Step = Tuple["FloatArray", "FloatArray", float, "FloatArray"]
+Step = Tuple[FloatArray, FloatArray, float, FloatArray]
 #: Node to which the robot may have turned in an unknown way; (3,) bool, after which right angles the place looks alike.
-Doubt = Tuple[int, "BoolArray"]
+Doubt = Tuple[int, BoolArray]
 
 
 class StepHistory:

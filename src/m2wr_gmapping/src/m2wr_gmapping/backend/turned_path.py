@@ -11,24 +11,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, List, Optional, Sequence
+from typing import List, Optional, Sequence
 
 import numpy as np
 
 from m2wr_gmapping.backend import place_search
-from m2wr_gmapping.backend.loop_graph import is_within
+from m2wr_gmapping.backend.loop_graph import Link, LoopGraph, is_within
 from m2wr_gmapping.backend.place_query import evenly, few_points, query_points
-from m2wr_gmapping.backend.place_search import near_places
 from m2wr_gmapping.backend.route import Route, distances_along
+from m2wr_gmapping.backend.step_history import Doubt
 from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
+from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
 from m2wr_maps.se2 import between, compose, inverse, wrap
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
-    from m2wr_gmapping.backend.step_history import Doubt
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import BoolArray, FloatArray, Uint8Array
+from m2wr_node.array_types import BoolArray, FloatArray, Uint8Array
 
 RIGHT_ANGLES = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
 
@@ -145,8 +141,8 @@ class TurnedPath:
                   for node in nodes for angle in RIGHT_ANGLES]
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            near = [near_places(middles, away[None], DRIFT.room + reach) for away, reach in turned]
-            return near_places(middles, old - centre, DRIFT.room) * np.maximum.reduce(near)
+            near = [place_search.near_places(middles, away[None], DRIFT.room + reach) for away, reach in turned]
+            return place_search.near_places(middles, old - centre, DRIFT.room) * np.maximum.reduce(near)
 
         window = float((old.max(axis=0) - centre).max()) + DRIFT.room
         pose = np.append(centre, newest[2])

@@ -10,7 +10,6 @@ Result rows are those of ``match_kernels``.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,13 +22,11 @@ from m2wr_gmapping.frontend.track import (
     MOUNT_YAW,
     PARAMETERS,
     ROTATION,
+    Calibration,
     record_of,
 )
+from m2wr_node.array_types import FloatArray
 from m2wr_node.kernel import kernel
-
-if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.track import Calibration
-    from m2wr_node.array_types import FloatArray
 
 OUTLIER = tuning.MATCHING.outlier
 

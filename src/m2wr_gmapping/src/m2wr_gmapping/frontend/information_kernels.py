@@ -6,16 +6,14 @@ Result rows are those of ``match_kernels``.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Tuple
+from typing import Tuple
 
 import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_maps.pose_kernels import between, compose
+from m2wr_node.array_types import FloatArray
 from m2wr_node.kernel import kernel
-
-if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray
 
 INFORMATION = 7             # first column of the information in a result row
 NORMAL_VARIANCE, DEPENDENT = tuning.MATCHING.normal_variance, tuning.MATCHING.dependent
