@@ -10,7 +10,7 @@ from m2wr_gmapping.backend import drift_kernels, place_search
 from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.occupancy import Occupancy
-from m2wr_gmapping.frontend.information_kernels import weak_axis
+from m2wr_gmapping.frontend.information_kernels import unfold, weak_axis
 from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
@@ -47,6 +47,7 @@ def rare_work(mapper: Mapper) -> None:
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
+    unfold(np.ones(RESULT_SIZE))
     particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loop closures: their covariances, and the graph that they make with the steps."""
+"""Loop closures: their information, and the graph that they make with the steps."""
 import numpy as np
 import pytest
 
@@ -9,18 +9,20 @@ from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.tuning import LINKS
 from m2wr_gmapping.workers import Workers
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_match_covariance_equals_numpy(seed):
+def test_link_information_equals_numpy(seed):
     root = np.random.default_rng(seed).normal(size=(3, 3))
-    h = root @ root.T * 50.0
-    prior, floor = np.array([0.1, 0.2, 0.05]), np.array([1e-4, 2e-4, 3e-5])
+    h, row, path = root @ root.T * 50.0, np.zeros(mk.RESULT_SIZE), np.zeros((5, 3))
+    row[:3], row[mk.INFORMATION:] = (1.0, 2.0, 0.5), h[np.triu_indices(3)]
+    prior, floor = np.array(LINKS.prior), np.square(LINKS.floor)
     wanted = np.linalg.inv(h / loop_graph.DEPENDENT + np.diag(prior**-2)) + np.diag(floor)
-    upper = h[np.triu_indices(3)]
-    found = loop_graph.covariance(upper, prior, floor)
-    assert np.allclose(found, wanted) and np.allclose(loop_graph.inverse_symmetric(found), np.linalg.inv(wanted))
+    old, new, measured, information = loop_graph.link_of(path, 2, row)
+    assert (old, new) == (2, 4) and (measured == row[:3]).all()
+    assert np.allclose(information, np.linalg.inv(wanted))
 
 
 def test_loop_closure_uses_the_smoothed_calibration():

@@ -36,7 +36,7 @@ KEPT = {
     "frontend/track.py": dict.fromkeys(
         "DISTANCE ROTATION DRIFT MOUNT_X MOUNT_Y MOUNT_YAW PARAMETERS TRACK_SIZE CALIBRATION_SIZE NOISE_SIZE "
         "REQUEST_SIZE RECORD_SIZE".split(), "indices and layout"),
-    "frontend/tracking_kernels.py": {"COST": "index", "INFORMATION": "index"},
+    "frontend/tracking_kernels.py": {"COST": "index"},
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "GROWTH": "size of the map as of gmapping"},

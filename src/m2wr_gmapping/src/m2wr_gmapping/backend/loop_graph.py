@@ -12,43 +12,16 @@ from m2wr_gmapping.backend.place_check import is_contradicted
 from m2wr_gmapping.backend.route import Route
 from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT, fused_covariance, unfold, weak_axis
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, MATCHING, SEARCH
+from m2wr_maps.linear_kernels import inverse
 from m2wr_maps.pose_graph import optimise
 from m2wr_maps.se2 import between, compose, wrap
 from m2wr_node.array_types import FloatArray, IndexArray
 
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, FloatArray, FloatArray]
-
-
-def covariance(information: FloatArray, deviations: FloatArray, floor: FloatArray) -> FloatArray:
-    """Return the covariance of a match.
-
-    Parameters
-    ----------
-    information : (6,) float64
-        Upper triangle of the scan's information matrix (xx xy xt yy yt tt).
-    deviations : (3,) float64
-        Standard deviations of the prior [m, m, rad].
-    floor : (3,) float64
-        Variances that are added at the end [m^2, m^2, rad^2].
-
-    Returns
-    -------
-    (3, 3) float64
-    """
-    found = np.empty((3, 3))
-    drift_kernels.covariance(information, DEPENDENT, deviations, floor, found)
-    return found
-
-
-def inverse_symmetric(matrix: FloatArray) -> FloatArray:
-    """Return the inverse (3, 3) of a symmetric matrix."""
-    found = np.empty((3, 3))
-    drift_kernels.inverse(matrix, found)
-    return found
 
 
 def link_of(path: FloatArray, node: int, row: FloatArray, slides: bool = False) -> Link:
@@ -65,11 +38,12 @@ def link_of(path: FloatArray, node: int, row: FloatArray, slides: bool = False) 
     slides : bool
         Whether the match is degenerate.
     """
-    found = covariance(row[mk.INFORMATION:], np.array(LINKS.unheld if slides else LINKS.prior), np.square(LINKS.floor))
+    prior = np.square(LINKS.unheld if slides else LINKS.prior)
+    found = fused_covariance(unfold(row) / DEPENDENT, prior) + np.diag(np.square(LINKS.floor))
     if slides:
         _, axes = np.linalg.eigh(found[:2, :2])
         found[:2, :2] += LINKS.unheld[0]**2 * np.outer(axes[:, 1], axes[:, 1])
-    return node, len(path) - 1, between(path[node], row[:3]), inverse_symmetric(found)
+    return node, len(path) - 1, between(path[node], row[:3]), inverse(found)
 
 
 def is_observed(row: FloatArray) -> bool:

@@ -10,10 +10,11 @@ from typing import Any, Dict, List, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend.calibration_kernels import changed_steps, symmetric_inverse
-from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information
+from m2wr_gmapping.frontend.calibration_kernels import changed_steps
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT, fused_covariance, scan_information
 from m2wr_gmapping.frontend.track import CALIBRATION_CHANGE, CALIBRATION_PRIOR, RECORD_SIZE
 from m2wr_gmapping.tuning import DRIFT
+from m2wr_maps.linear_kernels import inverse
 from m2wr_maps.se2 import between, compose
 from m2wr_node.array_types import BoolArray, FloatArray
 
@@ -62,13 +63,10 @@ class StepHistory:
         variances : (3,) float64
             Variances of odometry [m^2, m^2, rad^2].
         """
-        newest, found = self.count - 1, np.empty((3, 3))
-        scan_information(row, 1.0 / DEPENDENT, found)
-        covariance = np.empty((3, 3))
-        symmetric_inverse(found + np.diag(1.0 / variances), covariance)
-        covariance += np.diag(np.square(DRIFT.step))
-        self._variances[newest] = covariance[0, 0] + covariance[1, 1]
-        symmetric_inverse(covariance, self._information[newest])
+        found = scan_information(row, 1.0 / DEPENDENT)
+        covariance = fused_covariance(found, variances) + np.diag(np.square(DRIFT.step))
+        self._variances[self.count - 1] = covariance[0, 0] + covariance[1, 1]
+        self._information[self.count - 1] = inverse(covariance)
 
     @property
     def information(self) -> FloatArray:
@@ -96,8 +94,7 @@ class StepHistory:
         for k in range(len(self._measured), len(path)):
             self._measured.append(between(path[k - 1], path[k]) if k else np.zeros(3))
         count = len(path)
-        change = np.empty((count, 3))
-        changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / DRIFT.calibration, change)
+        change = changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / DRIFT.calibration)
         return compose(np.array(self._measured[:count]), change)
 
     def mark_doubtful(self, alike: BoolArray) -> None:

@@ -10,10 +10,12 @@ Result rows are those of ``match_kernels``.
 from __future__ import annotations
 
 import math
+from typing import Tuple
 
 import numpy as np
 
 from m2wr_gmapping import tuning
+from m2wr_gmapping.frontend.information_kernels import fused_covariance
 from m2wr_gmapping.frontend.track import (
     DISTANCE,
     DRIFT,
@@ -25,6 +27,7 @@ from m2wr_gmapping.frontend.track import (
     Calibration,
     record_of,
 )
+from m2wr_maps.linear_kernels import inverse, product, transformed
 from m2wr_node.array_types import FloatArray
 from m2wr_node.kernel import kernel
 
@@ -105,61 +108,8 @@ def propagate_jacobian(step: FloatArray, of_step: FloatArray, jacobian: FloatArr
 
 
 @kernel
-def symmetric_inverse(matrix: FloatArray, out: FloatArray) -> None:
-    """Write the inverse of a symmetric positive definite matrix (N, N), by Gauss-Jordan elimination.
-
-    Parameters
-    ----------
-    matrix : (N, N) float64
-    out : (N, N) float64
-        Written; must not be ``matrix``.
-    """
-    n = matrix.shape[0]
-    a = matrix.copy()
-    out[:] = 0.0
-    for i in range(n):
-        out[i, i] = 1.0
-    for i in range(n):
-        by = 1.0 / a[i, i]
-        for k in range(n):
-            a[i, k] *= by
-            out[i, k] *= by
-        for j in range(n):
-            if j != i:
-                factor = a[j, i]
-                for k in range(n):
-                    a[j, k] -= factor * a[i, k]
-                    out[j, k] -= factor * out[i, k]
-
-
-@kernel
-def _general_inverse(m: FloatArray, out: FloatArray) -> None:
-    """Write the inverse of a matrix (3, 3) by its adjugate."""
-    for i in range(3):
-        for j in range(3):
-            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            out[j, i] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
-    by = 1.0 / (m[0, 0] * out[0, 0] + m[0, 1] * out[1, 0] + m[0, 2] * out[2, 0])
-    for i in range(3):
-        for j in range(3):
-            out[i, j] *= by
-
-
-@kernel
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the matrix product of a (I, K) and b (K, J); faster than BLAS for these sizes."""
-    out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            for j in range(b.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
-    return out
-
-
-@kernel
-def observation(information: FloatArray, noise: FloatArray, vector: FloatArray, error_information: FloatArray,
-                error_vector: FloatArray) -> None:
-    """Write what a scan says about the systematic error of a segment, with the random error of odometry unknown.
+def observation(information: FloatArray, noise: FloatArray, vector: FloatArray) -> Tuple[FloatArray, FloatArray]:
+    """Return what a scan says about the systematic error of a segment, with the random error of odometry unknown.
 
     With the scan's information H, its information vector y = H e and the covariance Q of odometry's noise, the
     systematic error has the information (I + H Q)^-1 H and the vector (I + H Q)^-1 y.
@@ -172,77 +122,46 @@ def observation(information: FloatArray, noise: FloatArray, vector: FloatArray, 
         Diagonal of Q [m^2, m^2, rad^2].
     vector : (3,) float64
         y.
+
+    Returns
+    -------
     error_information : (3, 3) float64
-        Written.
     error_vector : (3,) float64
-        Written.
     """
-    mixed, inverse = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            mixed[i, j] = information[i, j] * noise[j] + (1.0 if i == j else 0.0)
-    _general_inverse(mixed, inverse)
-    for i in range(3):
-        error_vector[i] = 0.0
-        for j in range(3):
-            error_vector[i] += inverse[i, j] * vector[j]
-            error_information[i, j] = 0.0
-            for k in range(3):
-                error_information[i, j] += inverse[i, k] * information[k, j]
-    for i in range(3):          # rounding
-        for j in range(i):
-            error_information[i, j] = error_information[j, i] = 0.5 * (error_information[i, j]
-                                                                       + error_information[j, i])
+    share = inverse(np.eye(3) + information * noise)
+    found = product(share, information)
+    return 0.5 * (found + found.T), transformed(share, vector)      # symmetric but for rounding
 
 
 @kernel
 def update(calibration: Calibration, jacobian: FloatArray, error_information: FloatArray,
            error_vector: FloatArray) -> bool:
-    """Update the calibration by the observed error of one segment.
+    """Update the calibration by the observed error of one segment: a Kalman filter whose measurement is information.
 
     Parameters
     ----------
     calibration : Calibration
         Changed.
     jacobian : (3, 6) float64
-        Derivative of the predicted pose by the calibration.
+        Derivative J of the predicted pose by the calibration.
     error_information, error_vector : (3, 3) and (3,) float64
-        Of ``observation``: about the error that is left with the present calibration.
+        M and its vector, of ``observation``: about the error that is left with the present calibration.
 
     Returns
     -------
     bool
         False if the observation is an outlier, which changes nothing.
     """
-    p, m = calibration.covariance, error_information
-    projected = _product(p, jacobian.T)                     # P J^T, (6, 3)
-    expected = _product(jacobian, projected)                # J P J^T
-    mixed, spread = _product(m, expected), np.empty((3, 3))
-    through = _product(mixed, m)
-    trace = m[0, 0] + m[1, 1] + m[2, 2]
-    for i in range(3):
-        mixed[i, i] += 1.0
-        for j in range(3):
-            spread[i, j] = m[i, j] + 0.5 * (through[i, j] + through[j, i])
-        spread[i, i] += 1e-9 * trace + 1e-30
-    inverse = np.empty((3, 3))
-    symmetric_inverse(spread, inverse)
-    squared = 0.0
-    for i in range(3):
-        for j in range(3):
-            squared += error_vector[i] * inverse[i, j] * error_vector[j]
-    if not squared <= OUTLIER:
+    m, projected = error_information, product(calibration.covariance, jacobian.T)   # P J^T
+    mixed = product(m, product(jacobian, projected))                                # M J P J^T
+    through = product(mixed, m)
+    spread = m + 0.5 * (through + through.T) + (1e-9 * np.trace(m) + 1e-30) * np.eye(3)    # covariance of the vector
+    if not (error_vector * transformed(inverse(spread), error_vector)).sum() <= OUTLIER:
         return False
-    _general_inverse(mixed, inverse)
-    gain = _product(projected, inverse)                     # P J^T (I + M J P J^T)^-1
-    for i in range(PARAMETERS):
-        for k in range(3):
-            calibration.value[i] += gain[i, k] * error_vector[k]
-    change = _product(_product(gain, m), projected.T)
-    for i in range(PARAMETERS):
-        for j in range(i + 1):
-            p[i, j] -= 0.5 * (change[i, j] + change[j, i])
-            p[j, i] = p[i, j]
+    gain = product(projected, inverse(np.eye(3) + mixed))                           # P J^T (I + M J P J^T)^-1
+    change = product(product(gain, m), projected.T)
+    calibration.value[:] += transformed(gain, error_vector)
+    calibration.covariance[:] -= 0.5 * (change + change.T)
     return True
 
 
@@ -267,8 +186,8 @@ def drift(covariance: FloatArray, distance: float, prior: FloatArray, change: Fl
 
 
 @kernel
-def share_of_odometry(information: FloatArray, noise: FloatArray, jacobian: FloatArray, out: FloatArray) -> None:
-    """Write the derivative of a fused step by the calibration.
+def share_of_odometry(information: FloatArray, noise: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """Return the derivative (3, 6) of a fused step by the calibration.
 
     The fused pose is the mean of scan and odometry, weighted by their information. Directions that the scan observes
     well do not depend on the calibration.
@@ -281,26 +200,16 @@ def share_of_odometry(information: FloatArray, noise: FloatArray, jacobian: Floa
         Variances of odometry [m^2, m^2, rad^2].
     jacobian : (3, 6) float64
         Derivative of the predicted pose.
-    out : (3, 6) float64
-        Written.
     """
-    total, inverse = information.copy(), np.empty((3, 3))
-    for i in range(3):
-        total[i, i] += 1.0 / noise[i]
-    symmetric_inverse(total, inverse)
-    for i in range(3):
-        for j in range(PARAMETERS):
-            out[i, j] = 0.0
-            for k in range(3):
-                out[i, j] += inverse[i, k] * jacobian[k, j] / noise[k]
+    return product(fused_covariance(information, noise) / noise, jacobian)
 
 
 # ---- smoothing
 
 
 @kernel
-def smooth(records: FloatArray, prior: FloatArray, change: FloatArray, out: FloatArray) -> None:
-    """Estimate the calibration at each step from the whole run: filtered forwards, smoothed backwards.
+def smooth(records: FloatArray, prior: FloatArray, change: FloatArray) -> FloatArray:
+    """Return the calibration at each step, estimated from the whole run: filtered forwards, smoothed backwards.
 
     Parameters
     ----------
@@ -308,61 +217,46 @@ def smooth(records: FloatArray, prior: FloatArray, change: FloatArray, out: Floa
         Data of the StepRecord of each step.
     prior, change : (6,) float64
         As of ``drift``.
-    out : (K, 6) float64
-        Written: the calibration.
+
+    Returns
+    -------
+    (K, 6) float64
 
     Notes
     -----
     Rauch, Tung, Striebel: Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA Journal 3(8), 1965.
     """
-    count = out.shape[0]
+    count = records.shape[0]
     before, after = np.empty((count, PARAMETERS, PARAMETERS)), np.empty((count, PARAMETERS, PARAMETERS))
-    spread, total = np.zeros((PARAMETERS, PARAMETERS)), np.empty((PARAMETERS, PARAMETERS))
-    x, right = np.zeros(PARAMETERS), np.empty(PARAMETERS)
-    for k in range(PARAMETERS):
-        spread[k, k] = prior[k] * prior[k]
+    spread, value, out = np.diag(prior * prior), np.zeros(PARAMETERS), np.empty((count, PARAMETERS))
     for n in range(count):
         step = record_of(records[n])
         drift(spread, step.forward[0], prior, change)
-        symmetric_inverse(spread, before[n])
-        for i in range(PARAMETERS):
-            right[i] = step.vector[i]
-            for j in range(PARAMETERS):
-                total[i, j] = before[n, i, j] + step.information[i, j]
-                right[i] += before[n, i, j] * x[j]
-        symmetric_inverse(total, after[n])
-        spread[:] = after[n]
-        for i in range(PARAMETERS):
-            x[i] = 0.0
-            for j in range(PARAMETERS):
-                x[i] += spread[i, j] * right[j]
-            out[n, i] = x[i]
+        before[n] = inverse(spread)
+        spread = inverse(before[n] + step.information)
+        value = transformed(spread, transformed(before[n], value) + step.vector)
+        after[n], out[n] = spread, value
     for n in range(count - 2, -1, -1):
-        for i in range(PARAMETERS):
-            right[i] = 0.0
-            for j in range(PARAMETERS):
-                right[i] += before[n + 1, i, j] * (out[n + 1, j] - out[n, j])
-        for i in range(PARAMETERS):
-            for j in range(PARAMETERS):
-                out[n, i] += after[n, i, j] * right[j]
+        out[n] += transformed(after[n], transformed(before[n + 1], out[n + 1] - out[n]))
+    return out
 
 
 @kernel
-def changed_steps(records: FloatArray, prior: FloatArray, change: FloatArray, out: FloatArray) -> None:
-    """Write how much each step changes if it is made with the smoothed calibration.
+def changed_steps(records: FloatArray, prior: FloatArray, change: FloatArray) -> FloatArray:
+    """Return how much each step changes if it is made with the smoothed calibration.
 
     Parameters
     ----------
     records, prior, change
         As of ``smooth``.
-    out : (K, 3) float64
-        Written: in the axes of the pose that the step leads to.
+
+    Returns
+    -------
+    (K, 3) float64
+        In the axes of the pose that the step leads to.
     """
-    calibration = np.empty((records.shape[0], PARAMETERS))
-    smooth(records, prior, change, calibration)
+    calibration, out = smooth(records, prior, change), np.empty((records.shape[0], 3))
     for n in range(records.shape[0]):
         step = record_of(records[n])
-        for i in range(3):
-            out[n, i] = 0.0
-            for k in range(PARAMETERS):
-                out[n, i] += step.derivative[i, k] * (calibration[n, k] - step.applied[k])
+        out[n] = transformed(step.derivative, calibration[n] - step.applied)
+    return out

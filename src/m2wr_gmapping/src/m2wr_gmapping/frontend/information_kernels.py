@@ -11,6 +11,7 @@ from typing import Tuple
 import numpy as np
 
 from m2wr_gmapping import tuning
+from m2wr_maps.linear_kernels import inverse, product, transformed
 from m2wr_maps.pose_kernels import between, compose
 from m2wr_node.array_types import FloatArray
 from m2wr_node.kernel import kernel
@@ -20,20 +21,24 @@ NORMAL_VARIANCE, DEPENDENT = tuning.MATCHING.normal_variance, tuning.MATCHING.de
 
 
 @kernel
-def unfold(row: FloatArray, out: FloatArray) -> None:
-    """Write the information matrix of a result row.
+def unfold(row: FloatArray) -> FloatArray:
+    """Return the information matrix (3, 3) of a result row (13,), along x, y and heading of the matched pose."""
+    h = row[INFORMATION:]
+    return np.array(((h[0], h[1], h[2]), (h[1], h[3], h[4]), (h[2], h[4], h[5])))
+
+
+@kernel
+def fused_covariance(information: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return the covariance (3, 3) of a pose by a scan and by what was known before, such as odometry.
 
     Parameters
     ----------
-    row : (13,) float64
-        Result row of ``match_kernels``.
-    out : (3, 3) float64
-        Written: along x, y and heading of the matched pose.
+    information : (3, 3) float64
+        Of the scan.
+    variances : (3,) float64
+        Of what was known before [m^2, m^2, rad^2].
     """
-    h = row[INFORMATION:]
-    out[0, 0], out[0, 1], out[0, 2] = h[0], h[1], h[2]
-    out[1, 0], out[1, 1], out[1, 2] = h[1], h[3], h[4]
-    out[2, 0], out[2, 1], out[2, 2] = h[2], h[4], h[5]
+    return inverse(information + np.diag(1.0 / variances))
 
 
 @kernel
@@ -72,8 +77,8 @@ def weak_axis(row: FloatArray) -> Tuple[float, float, float, float]:
 
 
 @kernel
-def scan_information(row: FloatArray, share: float, out: FloatArray) -> None:
-    """Write what the scan of a match observes, without the noise of its normals.
+def scan_information(row: FloatArray, share: float) -> FloatArray:
+    """Return what the scan of a match observes, without the noise of its normals.
 
     Parameters
     ----------
@@ -81,64 +86,16 @@ def scan_information(row: FloatArray, share: float, out: FloatArray) -> None:
         Result row of ``match_kernels``.
     share : float
         Factor, such as 1 / ``DEPENDENT``.
-    out : (3, 3) float64
-        Written: information along x, y and heading of the matched pose.
+
+    Returns
+    -------
+    (3, 3) float64
+        Information along x, y and heading of the matched pose.
     """
-    unfold(row, out)
     x, y, weak, true = weak_axis(row)
-    lost = 1.0 - math.sqrt(true / weak) if weak > 0.0 else 1.0
-    for k in range(3):          # scaled along the axis, from both sides
-        along = lost * (x * out[k, 0] + y * out[k, 1])
-        out[k, 0], out[k, 1] = out[k, 0] - along * x, out[k, 1] - along * y
-    for k in range(3):
-        along = lost * (x * out[0, k] + y * out[1, k])
-        out[0, k], out[1, k] = out[0, k] - along * x, out[1, k] - along * y
-    for i in range(3):
-        for j in range(3):
-            out[i, j] *= share
-
-
-@kernel
-def scan_vector(row: FloatArray, expected: FloatArray, prior: FloatArray, out: FloatArray, told: FloatArray) -> None:
-    """Write information and information vector of the scan alone about the error of a prediction.
-
-    A match is the mean of scan and odometry, weighted by their information; this removes odometry again.
-
-    Parameters
-    ----------
-    row : (13,) float64
-        Result row of ``match_kernels``.
-    expected : (3,) float64
-        Pose by odometry in ``map``.
-    prior : (3,) float64
-        Inverse variances along its axes that the match used.
-    out : (3, 3) float64
-        Written: as of ``scan_information`` with the share 1.
-    told : (3,) float64
-        Written: that information times the error of ``expected`` by the scan alone, in the axes of ``expected``.
-    """
-    fused, error = row[:3].copy(), np.empty(3)
-    _replace(fused, row, expected, prior)
-    error[0], error[1], error[2] = between(expected, fused)
-    scan_information(row, 1.0, out)
-    for i in range(3):
-        told[i] = prior[i] * error[i]
-        for j in range(3):
-            told[i] += out[i, j] * error[j]
-
-
-@kernel
-def _replace(pose: FloatArray, row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
-    """Move a pose (3,), the matched one, along the weak axis of its row to where scan and odometry really meet."""
-    x, y, weak, true = weak_axis(row)
-    if not row[INFORMATION] + row[INFORMATION + 3] > 0.0:       # no beam has found a partner
-        return
-    dx, dy, _ = between(pose, expected)
-    odometry, share = x * x * prior[0] + y * y * prior[1], 1.0
-    if true > 0.0:
-        share -= true / (true + odometry) * (weak + odometry) / weak
-    along = share * (x * dx + y * dy)
-    compose(pose, (along * x, along * y, 0.0), pose)
+    lost, axis = 1.0 - math.sqrt(true / weak) if weak > 0.0 else 1.0, np.array((x, y, 0.0))
+    kept = np.eye(3) - lost * np.outer(axis, axis)      # scales along the axis
+    return share * product(product(kept, unfold(row)), kept)
 
 
 @kernel
@@ -157,7 +114,43 @@ def fuse(row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     prior : (3,) float64
         Inverse variances along its axes.
     """
-    _replace(row, row, expected, prior)
+    x, y, weak, true = weak_axis(row)
+    if not row[INFORMATION] + row[INFORMATION + 3] > 0.0:       # no beam has found a partner
+        return
+    dx, dy, _ = between(row, expected)
+    odometry, share = x * x * prior[0] + y * y * prior[1], 1.0
+    if true > 0.0:
+        share -= true / (true + odometry) * (weak + odometry) / weak
+    along = share * (x * dx + y * dy)
+    compose(row, (along * x, along * y, 0.0), row)
+
+
+@kernel
+def scan_vector(row: FloatArray, expected: FloatArray, prior: FloatArray) -> Tuple[FloatArray, FloatArray]:
+    """Return information and information vector of the scan alone about the error of a prediction.
+
+    A match is the mean of scan and odometry, weighted by their information; this removes odometry again.
+
+    Parameters
+    ----------
+    row : (13,) float64
+        Result row of ``match_kernels``.
+    expected : (3,) float64
+        Pose by odometry in ``map``.
+    prior : (3,) float64
+        Inverse variances along its axes that the match used.
+
+    Returns
+    -------
+    information : (3, 3) float64
+        As of ``scan_information`` with the share 1.
+    vector : (3,) float64
+        That information times the error of ``expected`` by the scan alone, in the axes of ``expected``.
+    """
+    fused = row.copy()
+    fuse(fused, expected, prior)
+    information, error = scan_information(row, 1.0), np.array(between(expected, fused))
+    return information, prior * error + transformed(information, error)
 
 
 @kernel

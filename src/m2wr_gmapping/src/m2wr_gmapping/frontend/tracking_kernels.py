@@ -19,7 +19,13 @@ from m2wr_gmapping.frontend.calibration_kernels import (
     share_of_odometry,
     update,
 )
-from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information, scan_vector
+from m2wr_gmapping.frontend.information_kernels import (
+    DEPENDENT,
+    fused_covariance,
+    scan_information,
+    scan_vector,
+    unfold,
+)
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
 from m2wr_gmapping.frontend.track import (
     CALIBRATION_CHANGE,
@@ -31,6 +37,7 @@ from m2wr_gmapping.frontend.track import (
     request_of,
     track_of,
 )
+from m2wr_maps.linear_kernels import product, transformed
 from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_node.kernel import kernel
 
@@ -38,7 +45,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise, Track
     from m2wr_node.array_types import FloatArray
 
-COST, INFORMATION = 6, 7
+COST = 6
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
@@ -304,13 +311,9 @@ def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data:
     track, noise, calibration = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data)
     if not _is_odometry_only(track):
         return False
-    own = odometry_variances(noise, track.motion[0], track.motion[1])
-    for k in range(3):
-        variance = own[k]
-        for i in range(PARAMETERS):
-            for j in range(PARAMETERS):
-                variance += track.jacobian[k, i] * calibration.covariance[i, j] * track.jacobian[k, j]
-        out[k] = 1.0 / variance
+    own = np.array(odometry_variances(noise, track.motion[0], track.motion[1]))
+    by_calibration = product(product(track.jacobian, calibration.covariance), track.jacobian.T)
+    out[:] = 1.0 / (own + np.diag(by_calibration))
     return True
 
 
@@ -334,19 +337,9 @@ def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArr
         return
     prior = odometry_variances(noise, track.motion[0], track.motion[1])
     x, y, theta = between(anchor, row)
-    update_noise_scales(noise, between(track.predicted, (x, y, theta)), _posterior_variances(row, prior),
+    known = fused_covariance(unfold(row), np.array(prior))
+    update_noise_scales(noise, between(track.predicted, (x, y, theta)), (known[0, 0], known[1, 1], known[2, 2]),
                         track.motion[0], track.motion[1])
-
-
-@kernel
-def _posterior_variances(row: FloatArray, prior: Tuple[float, float, float]) -> Tuple[float, float, float]:
-    """Return the variances of a scan's information combined with a prior of those variances."""
-    h = row[INFORMATION:]
-    a, d, f = h[0] + 1.0 / prior[0], h[3] + 1.0 / prior[1], h[5] + 1.0 / prior[2]
-    b, c, e = h[1], h[2], h[4]
-    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
-    by = 1.0 / (a * p + b * q + c * r)
-    return p * by, (a * f - c * c) * by, (a * d - b * b) * by
 
 
 @kernel
@@ -373,27 +366,14 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
     """
     track, noise = track_of(track_data), noise_of(noise_data)
     calibration, step = calibration_of(calibration_data), record_of(step_data)
-    information, told, about, vector = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
-    scan_vector(row, prediction, prior, information, told)
-    own, squares = odometry_variances(noise, track.motion[0], track.motion[1]), np.empty(3)
-    for i in range(3):
-        squares[i], told[i] = own[i], told[i] / DEPENDENT
-        for j in range(3):
-            information[i, j] /= DEPENDENT
-    observation(information, squares, told, about, vector)
+    information, told = scan_vector(row, prediction, prior)
+    own = np.array(odometry_variances(noise, track.motion[0], track.motion[1]))
+    about, vector = observation(information / DEPENDENT, own, told / DEPENDENT)
     drift(calibration.covariance, track.motion[2], CALIBRATION_PRIOR, CALIBRATION_CHANGE)
     before, jacobian = calibration.value.copy(), track.jacobian
-    if not update(calibration, jacobian, about, vector):
-        return
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
-            for a in range(3):
-                for b in range(3):
-                    step.information[i, j] += jacobian[a, i] * about[a, b] * jacobian[b, j]
-        for a in range(3):
-            step.vector[i] += jacobian[a, i] * vector[a]
-        for j in range(PARAMETERS):
-            step.vector[i] += step.information[i, j] * before[j]
+    if update(calibration, jacobian, about, vector):
+        step.information[:] = product(product(jacobian.T, about), jacobian)
+        step.vector[:] = transformed(jacobian.T, vector) + transformed(step.information, before)
 
 
 @kernel
@@ -421,7 +401,6 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
     step.forward[0] = track.motion[2]
     if not _is_odometry_only(track):
         return
-    squares, information = np.empty(3), np.empty((3, 3))
-    prediction_variances(track, noise, squares)
-    scan_information(row, 1.0, information)
-    share_of_odometry(information, squares, track.jacobian, step.derivative)
+    variances = np.empty(3)
+    prediction_variances(track, noise, variances)
+    step.derivative[:] = share_of_odometry(scan_information(row, 1.0), variances, track.jacobian)
