@@ -47,7 +47,6 @@ def rare_work(mapper: Mapper) -> None:
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
-    particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])

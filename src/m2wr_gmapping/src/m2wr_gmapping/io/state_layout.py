@@ -23,7 +23,7 @@ from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
 from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
-FORMAT = Format(name="m2wr_gmapping state", version=12, program="slam_gmapping",
+FORMAT = Format(name="m2wr_gmapping state", version=13, program="slam_gmapping",
                 instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
@@ -61,8 +61,7 @@ TILES = Part({
     ("count", "resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
 TREE = Part({
     "_parent": Array("int64", "M", -1), "_pose": Array("float64", "M 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
-    "_serial": Array("int64", "M", 0), "leaves": Array("int64", "particles", 0, below="M"), "next_serial": COUNT,
-    "depth": COUNT}, ("_children", "_free", "_counters"))
+    "leaves": Array("int64", "particles", 0, below="M"), "depth": COUNT}, ("_used",))
 FILTER = Part({
     "poses": Array("float64", "particles 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
     "log_weights": Array("float64", "particles"), "weight_sums": Array("float64", "particles"),
