@@ -19,13 +19,13 @@ from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
+from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.standstill import Standstill
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
-from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
 from m2wr_gmapping.workers import Workers
 from m2wr_maps.se2 import between, compose, inverse
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.occupancy import Grid
-    from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
     from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
@@ -234,14 +233,14 @@ class Mapper:
         if not (is_usable(pose, stamp) and is_usable(odom, stamp)):
             raise ValueError("start {} and odometry {} at {}: expected finite numbers below {:g}".format(
                 pose, odom, stamp, FARTHEST_ODOMETRY))
-        ground = MapReading(saved.walls())
+        ground = ScanReading.of_walls(saved.walls())
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
         if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
             pose = self._matcher.search(particles.maps, 0, reading, pose, WINDOW_MOST, NO_PRIOR)
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
-        self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
+        self._occupancy = Occupancy.on(saved, self.config["occ_thresh"])
         self._odom = odom
         self._remember(ground, stamp)
         self._distance = np.inf         # makes the first scan due

@@ -43,7 +43,7 @@ KEPT = {
     "frontend/tracking_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
-    "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "GROWTH": "size of the map as of gmapping"},
+    "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "SURE_VISITS": "initial counts", "GROWTH": "size of the map as of gmapping"},
     "filter/occupancy_kernels.py": {
         "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "SHIFT": "layout of blocks", "MASK": "", "SIDE": "",
         "CELLS": ""},

@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_scan, read_out
+from m2wr_gmapping.filter.occupancy_kernels import CELLS, OCCUPIED, SIDE, UNKNOWN, add_scan, read_out
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray, Int8Array
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
+SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 GROWTH = 10.0           # a crossed side moves this far beyond the end point [m]
 
 
@@ -56,10 +58,13 @@ class Occupancy:
         A cell is occupied if hits / visits is greater.
     most_cells : int, optional
         Greatest size of the grid; beams that leave it are cut.
+    ground : SavedMap, optional
+        Its cells have initial counts.
     """
 
     def __init__(self, limits: Sequence[float], resolution: float, threshold: float,
-                 most_cells: int = 100000000) -> None:
+                 most_cells: int = 100000000, ground: Optional[SavedMap] = None) -> None:
+        self.ground = ground
         self._resolution, self._threshold, self._most_cells = resolution, threshold, most_cells
         xmin, ymin, xmax, ymax = limits
         columns, rows = (max(1, math.ceil(span / resolution) // PATCH) for span in (xmax - xmin, ymax - ymin))
@@ -76,10 +81,44 @@ class Occupancy:
         self.traced = 0                 # number of scans added or removed so far
         self._empty()
 
+    @classmethod
+    def on(cls, ground: SavedMap, threshold: float) -> Occupancy:
+        """Return a grid that begins with a saved map, and with its extent.
+
+        Parameters
+        ----------
+        ground : SavedMap
+        threshold : float
+            See the class.
+        """
+        rows, columns = ground.data.shape
+        x, y = ground.origin
+        # whole patches, and a thousandth of a cell more, so that rounding does not remove one
+        reach = ground.resolution * (PATCH * np.ceil(np.array([columns, rows]) / PATCH) + 1e-3)
+        return cls((x, y, x + reach[0], y + reach[1]), ground.resolution, threshold, ground=ground)
+
     def _empty(self) -> None:
-        """Clear all counts; the extent stays."""
+        """Set all counts to those of the saved map, or to zero; the extent stays."""
         self._table[:], self._used[:] = -1, 0
         self._blocks["changed"][:] = False
+        if self.ground is not None:
+            self._write(self.ground.data)
+
+    def _write(self, data: Int8Array) -> None:
+        """Set the empty counts to those of the saved map."""
+        whole = np.pad(data, [(0, -cells % PATCH) for cells in data.shape], constant_values=UNKNOWN)
+        height, width = whole.shape[0] // PATCH, whole.shape[1] // PATCH
+        patches = whole.reshape(height, PATCH, width, PATCH).swapaxes(1, 2).reshape(height, width, CELLS)
+        rows, columns = np.nonzero((patches >= 0).any(axis=2))
+        known, count = patches[rows, columns], len(rows)
+        if count > len(self._blocks["changed"]):
+            self._more_blocks(count)
+        column, row = self._shift // PATCH          # first patch of the saved map
+        self._table[row + rows, column + columns] = np.arange(count)
+        self._used[0], blocks = count, self._blocks
+        blocks["visits"][:count] = SURE_VISITS * (known >= 0)
+        blocks["hits"][:count] = SURE_VISITS * (known == OCCUPIED)
+        blocks["changed"][:count] = True
 
     def _more_blocks(self, least: int = 1) -> None:
         old = len(self._blocks["changed"])

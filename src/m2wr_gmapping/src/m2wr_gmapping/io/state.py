@@ -16,10 +16,10 @@ from m2wr_files import state_file
 from m2wr_files.state_file import StateError
 from m2wr_files.state_store import KindError, Store
 from m2wr_gmapping.config import ConfigError, GmappingConfig
+from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_layout
-from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
 from m2wr_maps.se2 import between, compose
@@ -79,13 +79,12 @@ def snapshot(mapper: Mapper, host: Optional[Mapping[str, Any]] = None) -> Snapsh
     """
     if mapper.filter is None:
         raise StateError("no state to save: no scan has been processed yet")
-    store, occupancy = Store(), mapper._occupancy
-    given = isinstance(occupancy, SavedMapOccupancy)
+    store, ground = Store(), mapper._occupancy.ground
     try:
         state_layout.LASER.take(mapper.laser, "laser", store)
-        if isinstance(occupancy, SavedMapOccupancy):
-            state_layout.GIVEN.take(occupancy.saved, "saved_map", store)
-        state_layout.mapper_part(given).take(mapper, "", store)
+        if ground is not None:
+            state_layout.GIVEN.take(ground, "saved_map", store)
+        state_layout.MAPPER.take(mapper, "", store)
     except KindError as error:
         raise StateError("this mapper cannot be saved: {}".format(error)) from error
     return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
@@ -165,15 +164,14 @@ def _mapper(config: GmappingConfig, store: Store) -> Mapper:
     state_layout.check_laser(laser)
     mapper = Mapper(config, laser)
     try:
-        given = any(name.startswith("saved_map.") for name in store.arrays)
-        if given:
+        if any(name.startswith("saved_map.") for name in store.arrays):
             saved = state_layout.GIVEN.give("saved_map", store, {})
             if saved.resolution != config["delta"] or saved.data.size > state_layout.MOST_CELLS:
                 raise KindError("a saved map of {} cells of {} m; expected at most {} of {}".format(
                     saved.data.size, saved.resolution, state_layout.MOST_CELLS, config["delta"]))
-            mapper._occupancy = SavedMapOccupancy(saved, config["occ_thresh"])
+            mapper._occupancy = Occupancy.on(saved, config["occ_thresh"])
         mapper.process(mapper.reading(np.full(len(laser.angles), np.nan)), np.zeros(3), 0.0)
-        state_layout.mapper_part(given).give_to(mapper, "", store)
+        state_layout.MAPPER.give_to(mapper, "", store)
         state_layout.check(mapper)
     except BaseException:
         mapper.close()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, Union
 
 import numpy as np
 
 from m2wr_files.state_file import Format
-from m2wr_files.state_store import Kind, KindError
+from m2wr_files.state_store import KindError
 from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
@@ -18,7 +17,6 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.frontend.view_memory import SECTORS
-from m2wr_gmapping.io.saved_map import MapReading
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
 from m2wr_maps.saved_map import SavedMap
 
@@ -34,12 +32,7 @@ NODE = Number(int, 0, below="scans")
 LINK = Group(NODE, NODE, POSE, Array("float64", "3 3"))
 
 
-def _reading(values: Dict[str, Any]) -> Any:
-    kind = ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading
-    return kind.of_parts(**values)
-
-
-READING = ListedRecord(_reading, {
+READING = ListedRecord(lambda values: ScanReading.of_parts(**values), {
     "points": Array("float64", "2 H", -EXTENT, EXTENT),
     "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
     "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
@@ -74,8 +67,7 @@ OCCUPANCY = Part({
     "_table": Array("int32", "R C", -1, below="B"),
     "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),
     "_poses": Array("float64", "P 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY), "beyond": YES, "traced": COUNT},
-    ("_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
-GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
+    ("ground", "_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
     "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(Group(NODE, Array("bool", "3"))),
@@ -103,17 +95,12 @@ STANDSTILL = Part({
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
-_MAPPER: Dict[str, Union[Kind, Part]] = {
+MAPPER = Part({
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
-    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL}
-_MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
-
-
-def mapper_part(given: bool) -> Part:
-    """Return the Part of a mapper; ``given``: whether it started on a saved map."""
-    return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
+    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL, "_occupancy": OCCUPANCY},
+    ("config", "laser", "_workers", "_plain", "_matcher", "_dense"))
 
 
 def check_laser(laser: LaserModel) -> None:
