@@ -45,7 +45,7 @@ KEPT = {
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "SURE_VISITS": "initial counts", "GROWTH": "size of the map as of gmapping"},
     "filter/occupancy_kernels.py": {
-        "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "SHIFT": "layout of blocks", "MASK": "", "SIDE": "",
+        "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "HITS": "layout of blocks", "VISITS": "", "SHIFT": "", "MASK": "", "SIDE": "",
         "CELLS": ""},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},
     "filter/tile_kernels.py": {

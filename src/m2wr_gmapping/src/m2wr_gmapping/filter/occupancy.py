@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.occupancy_kernels import CELLS, OCCUPIED, SIDE, UNKNOWN, add_scan, read_out
+from m2wr_gmapping.filter.occupancy_kernels import CELLS, HITS, OCCUPIED, SIDE, UNKNOWN, VISITS, add_scan, read_out
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_maps.saved_map import SavedMap
-    from m2wr_node.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import CountArray, FloatArray, Int8Array
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
@@ -73,9 +73,7 @@ class Occupancy:
         self._shift = np.zeros(2, np.int64)             # its column and row
         self._table = np.full((rows, columns), -1, np.int32)
         self._used = np.zeros(2, np.int64)              # blocks, greatest number of visits
-        self._blocks: Dict[str, NDArray[Any]] = dict(
-            hits=np.empty((FIRST_BLOCKS, CELLS), np.uint16), visits=np.empty((FIRST_BLOCKS, CELLS), np.uint16),
-            values=np.empty((FIRST_BLOCKS, CELLS), np.int8), changed=np.zeros(FIRST_BLOCKS, bool))
+        self._counts: CountArray = np.empty((FIRST_BLOCKS, CELLS, 2), np.uint16)
         self._poses = np.zeros((0, 3))  # poses at which the scans were counted
         self.beyond = False             # whether a scan did not fit
         self.traced = 0                 # number of scans added or removed so far
@@ -100,7 +98,6 @@ class Occupancy:
     def _empty(self) -> None:
         """Set all counts to those of the saved map, or to zero; the extent stays."""
         self._table[:], self._used[:] = -1, 0
-        self._blocks["changed"][:] = False
         if self.ground is not None:
             self._write(self.ground.data)
 
@@ -109,27 +106,24 @@ class Occupancy:
         whole = np.pad(data, [(0, -cells % PATCH) for cells in data.shape], constant_values=UNKNOWN)
         height, width = whole.shape[0] // PATCH, whole.shape[1] // PATCH
         patches = whole.reshape(height, PATCH, width, PATCH).swapaxes(1, 2).reshape(height, width, CELLS)
-        rows, columns = np.nonzero((patches >= 0).any(axis=2))
+        rows, columns = np.nonzero((patches != UNKNOWN).any(axis=2))
         known, count = patches[rows, columns], len(rows)
-        if count > len(self._blocks["changed"]):
+        if count > len(self._counts):
             self._more_blocks(count)
         column, row = self._shift // PATCH          # first patch of the saved map
         self._table[row + rows, column + columns] = np.arange(count)
-        self._used[0], blocks = count, self._blocks
-        blocks["visits"][:count] = SURE_VISITS * (known >= 0)
-        blocks["hits"][:count] = SURE_VISITS * (known == OCCUPIED)
-        blocks["changed"][:count] = True
+        self._used[0] = count
+        self._counts[:count, :, HITS] = SURE_VISITS * (known == OCCUPIED)
+        self._counts[:count, :, VISITS] = SURE_VISITS * (known != UNKNOWN)
 
     def _more_blocks(self, least: int = 1) -> None:
-        old = len(self._blocks["changed"])
-        new = old + max(old // 4, FIRST_BLOCKS, least)
-        for array in self._blocks.values():
-            array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
+        old = len(self._counts)
+        # in place, without a second copy
+        self._counts.resize((old + max(old // 4, FIRST_BLOCKS, least), CELLS, 2), refcheck=False)
 
     def use_large_counts(self) -> None:
         """Use counts of four bytes instead of two; few maps need them. Each beam adds one to its first cell."""
-        for name in ("hits", "visits"):
-            self._blocks[name] = self._blocks[name].astype(np.uint32)
+        self._counts = self._counts.astype(np.uint32)
 
     def update(self, path: ArrayLike, readings: Sequence[ScanReading], exact: bool = False) -> None:
         """Update the counts to a path and its readings.
@@ -165,12 +159,11 @@ class Occupancy:
 
     def _count(self, pose: FloatArray, reading: ScanReading, sign: int) -> None:
         self.traced += 1
-        blocks, done = self._blocks, 0
+        done = 0
         while True:
-            limit = int(np.iinfo(blocks["visits"].dtype).max)
+            limit = int(np.iinfo(self._counts.dtype).max)
             done = add_scan(pose, reading.rays, reading.ray_hits, done, self._anchor, 1.0 / self._resolution,
-                            self._shift, sign, limit, self._table, blocks["hits"], blocks["visits"], blocks["values"],
-                            blocks["changed"], self._used)
+                            self._shift, sign, limit, self._table, self._counts, self._used)
             if self._used[1] >= limit:
                 self.use_large_counts()
             elif done < reading.rays.shape[1]:
@@ -222,9 +215,7 @@ class Occupancy:
         if data.shape != self.bounds:
             data.resize(self.bounds, refcheck=False)        # in place, without a second map
         data.fill(UNKNOWN)
-        blocks = self._blocks
-        read_out(self._threshold, self._table, blocks["hits"], blocks["visits"], blocks["values"], blocks["changed"],
-                 self._used, data)
+        read_out(self._threshold, self._table, self._counts, data)
         return Grid(data, self._resolution, self._origin)
 
     @property
@@ -240,20 +231,14 @@ class Occupancy:
 
     def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored, with the blocks in use only."""
-        count = int(self._used[0])
-        blocks = {name: array[:count] for name, array in self._blocks.items()}
-        blocks.update(hits=blocks["hits"].astype(np.int32), visits=blocks["visits"].astype(np.int32))
-        return dict(blocks, _anchor=self._anchor, _shift=self._shift, _table=self._table, _poses=self._poses,
-                    beyond=self.beyond, traced=self.traced)
+        return dict(vars(self), _counts=self._counts[:self._used[0]].astype(np.int32))
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the grid is too large."""
-        stored = dict(stored)
         if stored["_table"].size * CELLS > max(self._most_cells, self._table.size * CELLS) or not stored["_table"].size:
             raise ValueError("a grid of {} x {} patches; expected some, with at most {} cells".format(
                 *stored["_table"].shape, self._most_cells))
-        self._blocks = blocks = {name: stored.pop(name) for name in self._blocks}   # own their memory: resizable
-        self._used = np.array([len(blocks["changed"]), blocks["visits"].max(initial=0)])
-        fitting = np.uint16 if self._used[1] < np.iinfo(np.uint16).max else np.uint32
-        blocks.update(hits=blocks["hits"].astype(fitting), visits=blocks["visits"].astype(fitting))
         self.__dict__.update(stored)
+        self._used = np.array([len(self._counts), self._counts[..., VISITS].max(initial=0)])
+        fitting = np.uint16 if self._used[1] < np.iinfo(np.uint16).max else np.uint32
+        self._counts = self._counts.astype(fitting)         # owns its memory: resizable

@@ -62,12 +62,10 @@ FILTER = Part({
     "_rng_resample": Generator(), "resamplings": COUNT, "maps": TILES, "tree": TREE},
     ("_least", "_most", "_matcher", "_noise", "_gain", "_resample_below"))
 OCCUPANCY = Part({
-    "hits": Array("int32", "B %d" % BLOCK, 0), "visits": Array("int32", "B %d" % BLOCK, 0),
-    "values": Array("int8", "B %d" % BLOCK), "changed": Array("bool", "B"),
-    "_table": Array("int32", "R C", -1, below="B"),
+    "_counts": Array("int32", "B %d 2" % BLOCK, 0), "_table": Array("int32", "R C", -1, below="B"),
     "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),
     "_poses": Array("float64", "P 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY), "beyond": YES, "traced": COUNT},
-    ("ground", "_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
+    ("ground", "_resolution", "_threshold", "_most_cells", "_used"))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
     "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(Group(NODE, Array("bool", "3"))),
