@@ -9,7 +9,6 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend.information_kernels import weak_axis
 from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
@@ -58,10 +57,6 @@ def rare_work(mapper: Mapper) -> None:
     pairs = np.stack([np.arange(len(steps)), np.arange(1, len(path))], -1)
     optimise(path, pairs, steps, np.tile(np.eye(3), (len(steps), 1, 1)), np.zeros(len(steps), bool))
     particles.replace_past(path, mapper.readings)
-    wide = Occupancy((-5.0, -5.0, 5.0, 5.0), mapper.config["delta"], mapper.config["occ_thresh"])
-    wide.use_large_counts()
-    wide.update(path, mapper.readings)
-    wide.grid()
 
 
 def compile_kernels() -> None:

@@ -14,7 +14,6 @@ from m2wr_gmapping.backend.loop_graph import distances_along
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.backend.turned_path import looks_alike
 from m2wr_gmapping.filter import resampling
-from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
@@ -27,13 +26,13 @@ from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
 from m2wr_gmapping.workers import Workers
+from m2wr_maps.occupancy import Occupancy
 from m2wr_maps.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from m2wr_gmapping.config import GmappingConfig
-    from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
@@ -409,8 +408,8 @@ class Mapper:
         """Entropy of the normalised weights, between 0 and ln(particles)."""
         return resampling.entropy(self.particles.weights)
 
-    def occupancy(self, exact: bool = True, old: Optional[Grid] = None) -> Grid:
-        """Return the map (Grid) of the best particle's path.
+    def occupancy(self, exact: bool = True, old: Optional[SavedMap] = None) -> SavedMap:
+        """Return the map (SavedMap) of the best particle's path.
 
         To make a map on another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
 
@@ -418,7 +417,7 @@ class Mapper:
         ----------
         exact : bool
             Whether scans that moved by less than the error of a step are traced again.
-        old : Grid, optional
+        old : SavedMap, optional
             A map that is no longer needed: its memory is used again.
         """
         return self.map_of(*self.map_request(), exact=exact, old=old)
@@ -428,8 +427,8 @@ class Mapper:
         return self.particles.tree.path(self.particles.best), list(self.readings)
 
     def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False,
-               old: Optional[Grid] = None) -> Grid:
-        """Return the map (Grid) of a path.
+               old: Optional[SavedMap] = None) -> SavedMap:
+        """Return the map (SavedMap) of a path.
 
         Only one thread may call this, and with paths in the order of ``map_request``.
 
@@ -441,7 +440,8 @@ class Mapper:
         exact, old
             See ``occupancy``.
         """
-        self._occupancy.update(path, readings, exact)
+        # the best particle alternates between paths that differ by millimetres
+        self._occupancy.update(path, readings, 0.0 if exact else tuning.PARTICLES.same)
         return self._occupancy.grid(old)
 
     def base_poses(self, poses: ArrayLike) -> FloatArray:

@@ -43,10 +43,6 @@ KEPT = {
     "frontend/tracking_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
-    "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "SURE_VISITS": "initial counts", "GROWTH": "size of the map as of gmapping"},
-    "filter/occupancy_kernels.py": {
-        "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "HITS": "layout of blocks", "VISITS": "", "SHIFT": "", "MASK": "", "SIDE": "",
-        "CELLS": ""},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},
     "filter/tile_kernels.py": {
         "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",

@@ -16,12 +16,12 @@ from m2wr_files import state_file
 from m2wr_files.state_file import StateError
 from m2wr_files.state_store import KindError, Store
 from m2wr_gmapping.config import ConfigError, GmappingConfig
-from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_layout
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
+from m2wr_maps.occupancy import Occupancy
 from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:

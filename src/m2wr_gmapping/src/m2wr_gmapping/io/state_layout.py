@@ -11,13 +11,13 @@ from m2wr_files.state_store import KindError
 from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
-from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.frontend.view_memory import SECTORS
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
+from m2wr_maps.occupancy_kernels import CELLS as BLOCK
 from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
@@ -46,7 +46,7 @@ LASER = Record(lambda values: LaserModel(**values), {
     "base_from_sensor": POSE, "range_min": REAL, "range_max": REAL, "max_range": REAL, "max_urange": REAL})
 GIVEN = Record(lambda values: SavedMap(**values), {
     "data": Array("int8", "H W", -1, 100), "resolution": Number(float, 0.001, 10.0),
-    "origin": Group(Number(float, -EXTENT, EXTENT), Number(float, -EXTENT, EXTENT)), "name": Text(1000)})
+    "origin": Array("float64", "2", -EXTENT, EXTENT), "name": Text(1000)})
 TILES = Part({
     "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
     "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.occupancy_kernels import CELLS, HITS, OCCUPIED, SIDE, UNKNOWN, VISITS, add_scan, read_out
+from m2wr_maps.occupancy_kernels import CELLS, HITS, OCCUPIED, SIDE, UNKNOWN, VISITS, add_scan, read_out
+from m2wr_maps.saved_map import SavedMap
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_maps.saved_map import SavedMap
-    from m2wr_node.array_types import CountArray, FloatArray, Int8Array
+    from m2wr_node.array_types import BoolArray, CountArray, Float32Array, FloatArray, Int8Array
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
@@ -24,23 +21,16 @@ SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mappe
 GROWTH = 10.0           # a crossed side moves this far beyond the end point [m]
 
 
-@dataclass(frozen=True)
-class Grid:
-    """An occupancy grid.
+class Scan(Protocol):
+    """What is counted of a scan."""
 
-    Attributes
-    ----------
-    data : (H, W) int8
-        -1 unknown, 0 free, 100 occupied; row 0 is the lowest y.
-    resolution : float
-        Cell size [m].
-    origin : (2,) float64
-        Centre of cell (0, 0) in ``map`` [m].
-    """
+    @property
+    def rays(self) -> Float32Array:
+        """Ends (2, S) of the beams that clear space [m, laser frame]."""
 
-    data: Int8Array
-    resolution: float
-    origin: FloatArray
+    @property
+    def ray_hits(self) -> BoolArray:
+        """Whether each of them (S,) marks its end as occupied."""
 
 
 class Occupancy:
@@ -125,25 +115,24 @@ class Occupancy:
         """Use counts of four bytes instead of two; few maps need them. Each beam adds one to its first cell."""
         self._counts = self._counts.astype(np.uint32)
 
-    def update(self, path: ArrayLike, readings: Sequence[ScanReading], exact: bool = False) -> None:
+    def update(self, path: ArrayLike, readings: Sequence[Scan], same: ArrayLike = 0.0) -> None:
         """Update the counts to a path and its readings.
 
-        Scans with an unchanged pose are not traced again, nor, unless ``exact``, those with a small change: the best
-        particle alternates between paths that differ by millimetres. ``readings`` may only grow between calls.
+        Scans with an unchanged pose are not traced again, nor those with a change that counts as none.
+        ``readings`` may only grow between calls.
 
         Parameters
         ----------
         path : (K, 3) float64
             Poses of the laser in ``map`` [m, m, rad].
-        readings : sequence of K ScanReading
+        readings : sequence of K Scan
             Scans of the path's nodes.
-        exact : bool
-            Whether scans that moved by less than the error of a step are traced again.
+        same : (3,) float, optional
+            Greatest change of a pose that counts as none [m, m, rad].
         """
         nodes = np.asarray(path, float)
         known = min(len(self._poses), len(nodes))
-        limit = 0.0 if exact else np.array(tuning.PARTICLES.same)
-        kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
+        kept = (np.abs(nodes[:known] - self._poses[:known]) <= same).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map
             self._empty()
@@ -157,7 +146,7 @@ class Occupancy:
         poses[:known][kept[:known]] = self._poses[:known][kept[:known]]
         self._poses = poses
 
-    def _count(self, pose: FloatArray, reading: ScanReading, sign: int) -> None:
+    def _count(self, pose: FloatArray, reading: Scan, sign: int) -> None:
         self.traced += 1
         done = 0
         while True:
@@ -171,7 +160,7 @@ class Occupancy:
             if done >= reading.rays.shape[1]:
                 return
 
-    def _cover(self, pose: FloatArray, reading: ScanReading) -> None:
+    def _cover(self, pose: FloatArray, reading: Scan) -> None:
         """Grow the grid so that a scan fits, in the same steps as gmapping."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         x = pose[0] + c * reading.rays[0] - s * reading.rays[1]
@@ -203,12 +192,12 @@ class Occupancy:
         with np.errstate(over="ignore"):
             return bool((spans / self._resolution + PATCH).prod() <= self._most_cells)
 
-    def grid(self, old: Optional[Grid] = None) -> Grid:
+    def grid(self, old: Optional[SavedMap] = None) -> SavedMap:
         """Return the map of all counts.
 
         Parameters
         ----------
-        old : Grid, optional
+        old : SavedMap, optional
             A map that is no longer needed: its memory is used again.
         """
         data = np.empty(self.bounds, np.int8) if old is None else old.data
@@ -216,7 +205,7 @@ class Occupancy:
             data.resize(self.bounds, refcheck=False)        # in place, without a second map
         data.fill(UNKNOWN)
         read_out(self._threshold, self._table, self._counts, data)
-        return Grid(data, self._resolution, self._origin)
+        return SavedMap(data, self._resolution, self._origin)
 
     @property
     def _origin(self) -> FloatArray:
@@ -240,5 +229,5 @@ class Occupancy:
                 *stored["_table"].shape, self._most_cells))
         self.__dict__.update(stored)
         self._used = np.array([len(self._counts), self._counts[..., VISITS].max(initial=0)])
-        fitting = np.uint16 if self._used[1] < np.iinfo(np.uint16).max else np.uint32
-        self._counts = self._counts.astype(fitting)         # owns its memory: resizable
+        is_small = self._used[1] < np.iinfo(np.uint16).max      # copies own their memory: resizable
+        self._counts = self._counts.astype(np.uint16) if is_small else self._counts.astype(np.uint32)
