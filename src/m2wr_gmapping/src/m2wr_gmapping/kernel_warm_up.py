@@ -14,9 +14,9 @@ from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.workers import Workers
 from m2wr_maps.se2 import between, compose
 from m2wr_node.kernel_library import prepare
+from m2wr_node.thread_team import ThreadTeam
 
 
 def tour(mapper: Mapper, steps: int = 40) -> None:
@@ -44,7 +44,7 @@ def rare_work(mapper: Mapper) -> None:
     """Call the kernels that the tour may not reach: corridors, window search, drift, loop search, optimisation."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
-    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
+    FastMatcher(mapper.config, ThreadTeam(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))

@@ -25,9 +25,9 @@ from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
-from m2wr_gmapping.workers import Workers
 from m2wr_maps.occupancy import Occupancy
 from m2wr_maps.se2 import between, compose, inverse
+from m2wr_node.thread_team import ThreadTeam
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -89,7 +89,7 @@ class Mapper:
 
     def __init__(self, config: GmappingConfig, laser: LaserModel) -> None:
         self.config, self.laser = config, laser
-        self._workers = Workers(config["threads"])
+        self._workers = ThreadTeam(config["threads"])
         self._plain: bool = config["compatible"]
         self._dense: bool = config["track_between"] and not self._plain
         self._matcher: Union[HillClimbMatcher, FastMatcher]

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Request
-    from m2wr_gmapping.workers import Workers
     from m2wr_node.array_types import FloatArray, Vector
+    from m2wr_node.thread_team import ThreadTeam
 
 NARROW = tuning.MATCHING.narrow
 SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]
@@ -73,10 +73,10 @@ class FastMatcher:
     Parameters
     ----------
     config : GmappingConfig
-    workers : Workers
+    workers : ThreadTeam
     """
 
-    def __init__(self, config: GmappingConfig, workers: Workers) -> None:
+    def __init__(self, config: GmappingConfig, workers: ThreadTeam) -> None:
         self._workers = workers
         self._settings = np.zeros(mk.MATCH_SETTINGS)
         self._settings[mk.WIDE], self._settings[mk.NARROW] = tuning.MATCHING.wide, NARROW
