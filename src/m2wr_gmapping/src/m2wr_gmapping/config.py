@@ -2,7 +2,6 @@
 """Parameters: names, defaults, units and ranges, with conversion of the values that a user gives."""
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, fields
 from typing import Any, Dict, Mapping, Optional, Tuple
@@ -109,7 +108,7 @@ def _converted(name: str, value: object) -> Any:
 class GmappingConfig:
     """All parameters, checked. See ``PARAMETERS`` for units and meanings."""
 
-    values: Tuple[Tuple[str, Any], ...]
+    values: Mapping[str, Any]
     unknown: Tuple[str, ...] = ()
     unusable: Tuple[str, ...] = ()
 
@@ -162,19 +161,11 @@ class GmappingConfig:
         values["throttle_scans"] = max(1, values["throttle_scans"])
         if values["tf_delay"] is None:
             values["tf_delay"] = values["transform_publish_period"]
-        return cls(tuple(values.items()), tuple(unknown), tuple(unusable))
+        return cls(values, tuple(unknown), tuple(unusable))
 
     def __getitem__(self, name: str) -> Any:
         """Return a value by its public name."""
-        return self._by_name[name]
-
-    @functools.cached_property
-    def _by_name(self) -> Dict[str, Any]:
-        return dict(self.values)
-
-    def as_dict(self) -> Dict[str, Any]:
-        """Return all values by their public names."""
-        return dict(self.values)
+        return self.values[name]
 
     def score_warning(self, ranges: int) -> Optional[str]:
         """Return a warning if no scan with so many ranges can reach ``minimumScore``, else None."""
@@ -188,8 +179,7 @@ class GmappingConfig:
     @property
     def noise(self) -> MotionNoise:
         """The motion noise (MotionNoise)."""
-        values = dict(self.values)
-        return MotionNoise(**{field: values[name] for name, field in FIELDS.items()})
+        return MotionNoise(**{field: self.values[name] for name, field in FIELDS.items()})
 
 
 assert {field.name for field in fields(MotionNoise)} == set(FIELDS.values())

@@ -10,7 +10,6 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.filter import filter_kernels as kernels
 from m2wr_gmapping.filter import resampling
-from m2wr_gmapping.filter.kld_sampling import next_count
 from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
@@ -141,7 +140,7 @@ class ParticleFilter:
         """Resample if too few particles carry the weight, or their number changes; return the ancestors or None."""
         count, best = self.count, self.best
         if self._least < self._most:
-            count = next_count(self.poses, best, self._least, self._most)
+            count = resampling.next_count(self.poses, best, self._least, self._most)
         if count == self.count and self.n_eff >= self._resample_below * count:
             return None
         ancestors = resampling.systematic_resample(

@@ -87,7 +87,7 @@ def snapshot(mapper: Mapper, host: Optional[Mapping[str, Any]] = None) -> Snapsh
         state_layout.MAPPER.take(mapper, "", store)
     except KindError as error:
         raise StateError("this mapper cannot be saved: {}".format(error)) from error
-    return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
+    return Snapshot(dict(config=dict(mapper.config.values), host=dict(host or {}), values=store.values), store.arrays)
 
 
 def save(path: str, taken: Snapshot) -> None:
@@ -148,7 +148,7 @@ def _config(values: object, live: Optional[GmappingConfig]) -> Tuple[GmappingCon
     """Return the configuration of a state, and the overridden parameters of the running program."""
     stored, differing = _plain(values, "config", words_only=True), {}
     if live is not None:
-        given = live.as_dict()
+        given = live.values
         differing = {name: "{} {} (asked for {})".format(name, stored[name], given[name]) for name in stored
                      if name not in OWN and name in given and stored[name] != given[name]}
         stored = dict(stored, **{name: given[name] for name in OWN})

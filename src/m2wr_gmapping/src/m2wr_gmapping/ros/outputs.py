@@ -15,9 +15,8 @@ from nav_msgs.srv import GetMap
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.filter.pose_covariance import covariance
-from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.replay.run_statistics import peak_memory_mib
+from m2wr_gmapping.ros.pose_covariance import covariance, normalise
 from m2wr_maps.ros.message_conversion import (
     ArrayMapAnswer,
     covariance36,
