@@ -83,13 +83,13 @@ def test_particle_count_follows_the_spread():
     counts = [moved(particles, [0.2, 0.2, 0.1]) for _ in range(60)]
     assert max(counts) == MOST and all(FEWEST <= count <= MOST for count in counts)
     assert particles.weights.shape == particles.log_weights.shape == particles.weight_sums.shape == (particles.count,)
-    assert len(particles.tree.leaves) == particles.maps.count == particles.maps.table.shape[0] == particles.count
+    assert len(particles.tree.leaves) == particles.maps.table.shape[0] == particles.count
     before = particles.poses[particles.best].copy()
     particles.poses[:] = before
     assert moved(particles, [1e-3, 1e-3, 1e-3]) == FEWEST
     assert np.allclose(particles.poses[particles.best], before + STEP, atol=0.01)
     held = particles.maps.table[particles.maps.table >= 0]
-    assert particles.maps.tiles_in_use == len(np.unique(held))      # the maps of those that went are free
+    assert len(particles.maps.compact()["mean"]) == len(np.unique(held))      # the maps of those that went are free
 
 
 def test_best_particle_survives_a_reduction():

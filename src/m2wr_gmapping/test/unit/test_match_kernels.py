@@ -20,7 +20,7 @@ def cloud(seed, count=150):
     points += rng.normal(0.0, 0.01, points.shape)
     maps = TileMaps(1, 0.05, NEVER)
     maps.cover(points.min(axis=1), points.max(axis=1))
-    maps.register(0, np.zeros(3), points)
+    maps.register(np.zeros((1, 3)), points)
     normals = np.concatenate([np.tile([[0.0], [1.0]], count), np.tile([[1.0], [0.0]], count)], axis=1)
     beams = np.empty((mk.BEAM_ROWS, points.shape[1]))
     beams[:2], beams[2:4] = points, normals
@@ -141,7 +141,7 @@ def test_match_particles_equals_single_matches():
     shifted = TileMaps(3, 0.05, NEVER)
     shifted.cover((-4.0, -4.0), (4.0, 4.0))
     for particle in range(3):
-        shifted.register(particle, np.array([0.02 * particle, -0.01, 0.0]), np.ascontiguousarray(beams[:2]))
+        shifted.register(np.array([[0.02 * particle, -0.01, 0.0]]), np.ascontiguousarray(beams[:2]), particle)
     rng = np.random.default_rng(7)
     starts, predictions = rng.normal(0.0, 0.02, (3, 3)), rng.normal(0.0, 0.02, (3, 3))
     results, row = np.full((3, mk.RESULT_SIZE), np.nan), np.zeros(mk.RESULT_SIZE)

@@ -43,7 +43,7 @@ def corridor(end, particles):
     first = seen(0.0, end)
     maps.cover((-8.0, -8.0), (8.0, 8.0))
     for particle in range(particles):
-        maps.register(particle, np.zeros(3), first.points)
+        maps.register(np.zeros((1, 3)), first.points, particle)
     return matcher, maps, seen(0.5, end)
 
 

@@ -100,7 +100,7 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     if not len(around) or not beams:
         return None
     maps = TileMaps(1, resolution, NEVER)
-    maps.register_path(0, path[around], [readings[node] for node in around])
+    maps.register_path(path[around], [readings[node] for node in around])
     row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(LINKS.prior))
     if row[mk.SCORE] < MATCHING.score * beams or row[mk.FOUND] < LINKS.partners * beams:
         return None

@@ -158,14 +158,13 @@ class ParticleFilter:
     def register(self, reading: ScanReading) -> bool:
         """Write the scan into every map and extend every path; return False if it did not fit."""
         self.tree.extend(self.poses)
-        return self.maps.register_all(self.poses, reading.points)
+        return self.maps.register(self.poses, reading.points)
 
     def begin_on(self, ground: ScanReading) -> None:
         """Give all particles one initial map: the end points (2, M) of ``ground``, relative to their pose."""
         self.tree.extend(self.poses)
-        if ground.points.shape[1]:
-            self.maps.register_path(0, self.poses[:1], [ground])
-            self.maps.resample(np.zeros(self.count, np.int64))
+        self.maps.register(self.poses[:1], ground.points)
+        self.maps.resample(np.zeros(self.count, np.int64))
 
     def replace_past(self, path: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Give all particles one common past along corrected poses.
@@ -179,9 +178,8 @@ class ParticleFilter:
         readings : sequence of K ScanReading
             Scans of the path's nodes.
         """
-        for particle in range(self.count):
-            self.maps.clear(particle)
-        self.maps.register_path(0, path, readings)
+        self.maps.clear()
+        self.maps.register_path(path, readings)
         self.maps.resample(np.zeros(self.count, np.int64))
         self.poses = np.tile(path[-1], (self.count, 1))
         self.tree.replace(path[:-1], self.poses)

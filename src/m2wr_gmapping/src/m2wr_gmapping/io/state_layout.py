@@ -51,7 +51,7 @@ TILES = Part({
     "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
     "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,
     "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
-    ("count", "resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
+    ("resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
 TREE = Part({
     "_parent": Array("int64", "M", -1), "_pose": Array("float64", "M 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
     "leaves": Array("int64", "particles", 0, below="M"), "depth": COUNT}, ("_used",))
