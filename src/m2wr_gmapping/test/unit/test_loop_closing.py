@@ -358,7 +358,7 @@ def test_scans_of_a_segment_are_merged():
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
     readings = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in path]
     scene = place_search.Scene(path, np.arange(10) * 0.2, readings, np.array([0]), np.zeros(10), np.zeros(10))
-    beams = place_match.merged_scan(scene, 1.0).beams
+    beams = place_match.merged_beams(scene, 1.0)
     x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
     assert np.maximum(np.abs(x) / 4.0, np.abs(y) / 2.5).max() < 1.001 and beams.shape[1] > 150
     far = np.hypot(beams[mk.QX], beams[mk.QY]) > 1.0

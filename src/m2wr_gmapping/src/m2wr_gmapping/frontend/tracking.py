@@ -221,6 +221,6 @@ class Tracker:
         track, noise, calibration, prior = self._track, self._noise, self._calibration, np.empty(3)
         tk.record_step(track, noise, calibration, row, step)
         if reading.beams.shape[1] and tk.weak_prior(track, noise, calibration, prior):
-            free = self._matcher.match_one(maps, particle, reading, row[:3], prediction, prior)
+            free = self._matcher.match_one(maps, particle, reading.beams, row[:3], prediction, prior)
             tk.learn(track, noise, calibration, prediction, free, prior, step)
         tk.learn_noise(track, noise, anchor, row)

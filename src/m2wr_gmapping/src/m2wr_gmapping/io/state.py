@@ -183,7 +183,7 @@ def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: Float
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
     particles = mapper.particles
     found = matcher.search(particles.maps, particles.best, reading, pose, WINDOW_MOST, NO_PRIOR)
-    row = matcher.match_one(particles.maps, particles.best, reading, found, found, 1.0 / np.square(LINKS.prior))
+    row = matcher.match_one(particles.maps, particles.best, reading.beams, found, found, 1.0 / np.square(LINKS.prior))
     return float(row[mk.SCORE]) / reading.beams.shape[1]
 
 
