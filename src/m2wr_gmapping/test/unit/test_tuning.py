@@ -27,8 +27,7 @@ KEPT = {
     "frontend/correlative_kernels.py": {
         "BLOCK": "speed of an exact search", "CENTRE": "values of a raster", "BESIDE": "", "CORNER": ""},
     "frontend/hill_climb_kernels.py": {
-        "SHIFT": "layout of tiles", "MASK": "", "UNIT": "", "LSTEP": "indices", "ASTEP": "", "ITERATIONS": "",
-        "SIGMA": "", "LSIGMA": "", "KERNEL": "", "MIN_SCORE": "", "SCORE": "", "LOG_LIKELIHOOD": "", "FOUND": ""},
+        "LSTEP": "indices", "ASTEP": "", "ITERATIONS": "", "SIGMA": "", "LSIGMA": "", "KERNEL": "", "MIN_SCORE": ""},
     "frontend/information_kernels.py": {"INFORMATION": "index"},
     "frontend/match_kernels.py": dict.fromkeys(
         "SHIFT MASK UNIT QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
@@ -40,7 +39,6 @@ KEPT = {
     "frontend/track.py": dict.fromkeys(
         "DISTANCE ROTATION DRIFT MOUNT_X MOUNT_Y MOUNT_YAW PARAMETERS TRACK_SIZE CALIBRATION_SIZE NOISE_SIZE "
         "REQUEST_SIZE RECORD_SIZE".split(), "indices and layout"),
-    "frontend/tracking_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},

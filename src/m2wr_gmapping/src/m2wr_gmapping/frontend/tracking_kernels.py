@@ -20,6 +20,7 @@ from m2wr_gmapping.frontend.calibration_kernels import (
     update,
 )
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information, scan_vector
+from m2wr_gmapping.frontend.match_kernels import COST, INFORMATION
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
 from m2wr_gmapping.frontend.track import (
     CALIBRATION_CHANGE,
@@ -37,8 +38,6 @@ from m2wr_node.kernel import kernel
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise, Track
     from m2wr_node.array_types import FloatArray
-
-COST, INFORMATION = 6, 7
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
