@@ -92,7 +92,7 @@ class Track(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What is asked of the next match; written by ``tracking_kernels.expect``.
+    """What is asked of the next match; see ``tracking_kernels.expect``.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class StepRecord(NamedTuple):
 # Each of these is stored in one flat array, which the kernels take: numba needs microseconds to recognise a tuple of
 # several arrays. The functions below give names to its parts, in kernels and in Python.
 
-TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 39, 45, 12, 14, 67
+TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, RECORD_SIZE = 39, 45, 12, 67
 
 
 @kernel
@@ -160,12 +160,6 @@ def calibration_of(data: FloatArray) -> Calibration:
 def noise_of(data: FloatArray) -> Noise:
     """Return the named parts of ``data`` (NOISE_SIZE,) float64, as views."""
     return Noise(data[:4].reshape(2, 2), data[4:8].reshape(2, 2), data[8:12].reshape(2, 2))
-
-
-@kernel
-def request_of(data: FloatArray) -> Request:
-    """Return the named parts of ``data`` (REQUEST_SIZE,) float64, as views."""
-    return Request(data[:3], data[3:6], data[6:9], data[9:12], data[12:14])
 
 
 @kernel

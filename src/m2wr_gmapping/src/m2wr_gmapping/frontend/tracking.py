@@ -9,18 +9,9 @@ import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
-from m2wr_gmapping.frontend.track import (
-    REQUEST_SIZE,
-    calibration_of,
-    new_calibration,
-    new_noise,
-    new_track,
-    noise_of,
-    request_of,
-    track_of,
-)
 
 if TYPE_CHECKING:
     from m2wr_gmapping.filter.motion_model import MotionNoise
@@ -61,8 +52,7 @@ class Tracker:
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
         self._matcher, self._dense, self._view = matcher, dense, view
-        self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
-        self._ask = np.zeros(REQUEST_SIZE)
+        self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
         self.has_turned = self.is_unexplained = False
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
@@ -71,21 +61,21 @@ class Tracker:
     @property
     def track(self) -> Track:
         """Motion since the last processed scan."""
-        return track_of.py_func(self._track)
+        return tr.track_of.py_func(self._track)
 
     @property
     def noise(self) -> Noise:
         """Noise of odometry."""
-        return noise_of.py_func(self._noise)
+        return tr.noise_of.py_func(self._noise)
 
     @property
     def calibration(self) -> Calibration:
         """Systematic errors of odometry and of the laser's mount."""
-        return calibration_of.py_func(self._calibration)
+        return tr.calibration_of.py_func(self._calibration)
 
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
-        tk.restart(self._track)
+        self._track[:] = 0.0
         self.has_turned = self.is_unexplained = False
         self._share = 1.0
 
@@ -170,14 +160,15 @@ class Tracker:
         bool
             False if the scan has no beams to match.
         """
-        track, ask = self.track, request_of.py_func(self._ask)
+        track = self.track
         if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
             self.agrees = False
             return False
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
-        long = tk.expect(self._track, self._noise, anchor, self._ask)
+        long, start, expected, variances, window = tk.expect(self._track, self._noise, anchor)
+        ask = tr.Request(start, expected, variances, 1.0 / variances, window)
         row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
                                                      rival)
         self._share = float(row[mk.SCORE]) / reading.beams.shape[1]

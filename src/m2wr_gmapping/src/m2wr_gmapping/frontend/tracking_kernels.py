@@ -29,7 +29,6 @@ from m2wr_gmapping.frontend.track import (
     calibration_of,
     noise_of,
     record_of,
-    request_of,
     track_of,
 )
 from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
@@ -38,6 +37,8 @@ from m2wr_node.kernel import kernel
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise, Track
     from m2wr_node.array_types import FloatArray
+
+    Expectation = Tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
@@ -105,8 +106,8 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
 
 
 @kernel
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
-    """Write the start and the prediction of the newest scan's match.
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray) -> Expectation:
+    """Return start and prediction of the newest scan's match.
 
     Parameters
     ----------
@@ -116,27 +117,24 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
         Of a Noise.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
-    ask_data : (REQUEST_SIZE,) float64
-        Of a Request; written.
 
     Returns
     -------
-    bool
+    long : bool
         Whether the step since the last match was so long that a match may converge to a wrong pose.
+    start, expected, variances, window
+        As of a Request.
     """
-    track, noise, ask = track_of(track_data), noise_of(noise_data), request_of(ask_data)
-    since = track.since_match
+    track, noise, since = track_of(track_data), noise_of(noise_data), track_of(track_data).since_match
+    start, expected, variances = np.empty(3), np.empty(3), np.empty(3)
     distance, turn = math.hypot(since[0], since[1]), abs(since[2])
     long = exceeds(since[0], since[1], since[2], LONG_STEP)
     since[:] = 0.0
-    compose(anchor, track.matched, ask.start)
-    compose(anchor, track.predicted, ask.expected)
-    prediction_variances(track, noise, ask.variances)
-    for k in range(3):
-        ask.inverse[k] = 1.0 / ask.variances[k]
-    ask.window[0] = SLIP_FLOOR[0] + SLIP_SHARE * distance
-    ask.window[1] = SLIP_FLOOR[1] + SLIP_SHARE * turn
-    return long
+    compose(anchor, track.matched, start)
+    compose(anchor, track.predicted, expected)
+    prediction_variances(track, noise, variances)
+    window = np.array([SLIP_FLOOR[0] + SLIP_SHARE * distance, SLIP_FLOOR[1] + SLIP_SHARE * turn])
+    return long, start, expected, variances, window
 
 
 @kernel
@@ -223,16 +221,6 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
         _confirm_slip(track, noise, at_once)
     else:
         track.slip[2] = 0.0
-
-
-@kernel
-def restart(track_data: FloatArray) -> None:
-    """Restart at the newest scan, which was processed."""
-    track = track_of(track_data)
-    for k in range(3):
-        track.matched[k] = track.predicted[k] = track.since_match[k] = 0.0
-        track.slack[k] = track.motion[k] = track.slip_transform[k] = track.slip[k] = 0.0
-    track.jacobian[:] = 0.0
 
 
 # ---- the processed scan

@@ -83,7 +83,7 @@ LOOPS = Part({
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
-    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "_ask", "is_unexplained", "agrees", "_rival"))
+    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "is_unexplained", "agrees", "_rival"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
