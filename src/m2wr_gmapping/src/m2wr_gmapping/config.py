@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, Dict, Mapping, Optional, Tuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
-from m2wr_gmapping.filter.motion_model import MotionNoise
+import numpy as np
+
 from m2wr_node.numbers import number
+
+if TYPE_CHECKING:
+    from m2wr_node.array_types import FloatArray
 
 INFINITY = math.inf
 
@@ -80,8 +84,6 @@ PARAMETERS = {
     "seed": _p(0, "", 0, 2**63 - 1, "seed of all random numbers"),
     "threads": _p(1, "", 0, 256, "threads that share the particles; 0: one per core"),
 }
-# public name -> field of MotionNoise
-FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
 WHOLE = {"min_particles"}   # integers whose default is another parameter
 # unknown parameters that cause no warning
 TOLERATED = {"inverted_laser"}
@@ -177,9 +179,6 @@ class GmappingConfig:
             else "half the beams of a scan are used instead")
 
     @property
-    def noise(self) -> MotionNoise:
-        """The motion noise (MotionNoise)."""
-        return MotionNoise(**{field: self.values[name] for name, field in FIELDS.items()})
-
-
-assert {field.name for field in fields(MotionNoise)} == set(FIELDS.values())
+    def noise(self) -> FloatArray:
+        """Noise of odometry (2, 2): of translation and of heading, each by distance and by rotation."""
+        return np.array([[self["srr"], self["str"]], [self["srt"], self["stt"]]], float)

@@ -10,10 +10,11 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.filter import filter_kernels as kernels
 from m2wr_gmapping.filter import resampling
-from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.odometry_kernels import user_noise
+from m2wr_maps.se2 import compose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -96,8 +97,8 @@ class ParticleFilter:
         return self._rng_motion.standard_normal((self.count, 3))
 
     def drift(self, step: FloatArray) -> None:
-        """Move all particles by an odometry step, with noise."""
-        self.poses = sample_motion(self.poses, step, self._noise, self.normals())
+        """Move all particles by an odometry step (3,) [m, m, rad], with noise."""
+        self.poses = compose(self.poses, step + np.array(user_noise(self._noise, *step)) * self.normals())
 
     def match(self, reading: ScanReading, starts: FloatArray, predictions: FloatArray, prior: FloatArray,
               minimum_score: float, sample: Optional[FloatArray]) -> FloatArray:

@@ -10,7 +10,6 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_node.array_types import FloatArray
 
 #: Components of the calibration: relative error of distance and of rotation, rotation per metre [rad/m], position
@@ -177,12 +176,11 @@ def new_calibration(mount: FloatArray) -> FloatArray:
     return data
 
 
-def new_noise(noise: MotionNoise) -> FloatArray:
-    """Return the data of a Noise by the user's parameters."""
+def new_noise(user: FloatArray) -> FloatArray:
+    """Return the data of a Noise by the user's parameters (2, 2)."""
     data = np.zeros(NOISE_SIZE)
     parts = noise_of.py_func(data)
-    parts.user[:] = [[noise.trans_trans, noise.trans_rot], [noise.rot_trans, noise.rot_rot]]
-    parts.scale[:] = 1.0
+    parts.user[:], parts.scale[:] = user, 1.0
     return data
 
 

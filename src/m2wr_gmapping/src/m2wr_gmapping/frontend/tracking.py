@@ -14,7 +14,6 @@ from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher, Rival
     from m2wr_gmapping.frontend.occlusion import Conflict
@@ -32,7 +31,8 @@ class Tracker:
     Parameters
     ----------
     matcher : FastMatcher
-    noise : MotionNoise
+    noise : (2, 2) float64
+        Of odometry, by the user's parameters; see ``Noise``.
     dense : bool
         Whether all scans are matched, so that a slip of the wheels can be confirmed.
     mount : (3,) float64
@@ -50,7 +50,7 @@ class Tracker:
         Whether odometry and older scans agree on the newest matched scan.
     """
 
-    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
+    def __init__(self, matcher: FastMatcher, noise: FloatArray, dense: bool, mount: FloatArray, view: float) -> None:
         self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
         self.has_turned = self.is_unexplained = False

@@ -253,7 +253,7 @@ def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatAr
         compose(anchors[n], track.predicted, predictions[n])
     prediction_variances(track, noise, known[0])
     predicted = track.predicted
-    by_user = user_noise(noise, predicted[0], predicted[1], predicted[2])
+    by_user = user_noise(noise.user, predicted[0], predicted[1], predicted[2])
     for k in range(3):
         known[1, k] = 1.0 / known[0, k]
         known[2, k] = min(math.sqrt(known[0, k]), by_user[k])
