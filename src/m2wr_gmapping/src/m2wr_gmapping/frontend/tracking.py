@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.matcher import FastMatcher, Rival
     from m2wr_gmapping.frontend.occlusion import Conflict
     from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_gmapping.frontend.track import Calibration, Noise, Track
     from m2wr_node.array_types import FloatArray
 
 
@@ -59,17 +58,17 @@ class Tracker:
         self._rival: Optional[Rival] = None
 
     @property
-    def track(self) -> Track:
+    def track(self) -> tr.Track:
         """Motion since the last processed scan."""
         return tr.track_of.py_func(self._track)
 
     @property
-    def noise(self) -> Noise:
+    def noise(self) -> tr.Noise:
         """Noise of odometry."""
         return tr.noise_of.py_func(self._noise)
 
     @property
-    def calibration(self) -> Calibration:
+    def calibration(self) -> tr.Calibration:
         """Systematic errors of odometry and of the laser's mount."""
         return tr.calibration_of.py_func(self._calibration)
 

@@ -11,31 +11,15 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.frontend.calibration_kernels import (
-    corrected_step,
-    drift,
-    observation,
-    propagate_jacobian,
-    share_of_odometry,
-    update,
-)
+from m2wr_gmapping.frontend import calibration_kernels as ck
+from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information, scan_vector
 from m2wr_gmapping.frontend.match_kernels import COST, INFORMATION
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
-from m2wr_gmapping.frontend.track import (
-    CALIBRATION_CHANGE,
-    CALIBRATION_PRIOR,
-    PARAMETERS,
-    calibration_of,
-    noise_of,
-    record_of,
-    track_of,
-)
 from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.track import Noise, Track
     from m2wr_node.array_types import FloatArray
 
     Expectation = Tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -72,10 +56,10 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, raw: FloatArra
     moved : bool
         Whether odometry has moved since the last match.
     """
-    track, calibration = track_of(track_data), calibration_of(calibration_data)
-    step, of_step = np.empty(3), np.empty((3, PARAMETERS))
-    forward = corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
-    propagate_jacobian(step, of_step, track.jacobian)
+    track, calibration = tr.track_of(track_data), tr.calibration_of(calibration_data)
+    step, of_step = np.empty(3), np.empty((3, tr.PARAMETERS))
+    forward = ck.corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
+    ck.propagate_jacobian(step, of_step, track.jacobian)
     compose(track.matched, step, track.matched)
     compose(track.predicted, step, track.predicted)
     compose(track.since_match, raw, track.since_match)
@@ -88,7 +72,7 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, raw: FloatArra
 
 
 @kernel
-def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
+def prediction_variances(track: tr.Track, noise: tr.Noise, out: FloatArray) -> None:
     """Write the variances (3,) of ``Track.predicted`` along its axes.
 
     The uncertainty of the calibration is not included: it is an error of all steps alike, not of this one.
@@ -125,8 +109,8 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray) -
     start, expected, variances, window
         As of a Request.
     """
-    track, noise, since = track_of(track_data), noise_of(noise_data), track_of(track_data).since_match
-    start, expected, variances = np.empty(3), np.empty(3), np.empty(3)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    since, start, expected, variances = track.since_match, np.empty(3), np.empty(3), np.empty(3)
     distance, turn = math.hypot(since[0], since[1]), abs(since[2])
     long = exceeds(since[0], since[1], since[2], LONG_STEP)
     since[:] = 0.0
@@ -163,7 +147,7 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
 
 
 @kernel
-def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
+def _restart_from(track: tr.Track, matched: FloatArray, slack: Any) -> None:
     """Predict from now on from the pose ``matched`` with the variances ``slack``."""
     track.jacobian[:] = 0.0
     for k in range(3):
@@ -171,7 +155,7 @@ def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
 
 
 @kernel
-def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
+def _confirm_slip(track: tr.Track, noise: tr.Noise, at_once: bool) -> None:
     """Accept a slip that persists over some distance: a pitching robot looks like a slip for a moment."""
     aside, slip, motion = track.slip_transform, track.slip, track.motion
     matched, predicted = track.matched, track.predicted
@@ -215,7 +199,7 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
     at_once : bool
         Whether a slip is accepted without confirmation.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     track.matched[0], track.matched[1], track.matched[2] = between(anchor, row)
     if slipped:
         _confirm_slip(track, noise, at_once)
@@ -247,7 +231,7 @@ def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatAr
         Written: variances of the predictions, their inverses, and standard deviations for drawing particles. The latter
         do not exceed the user's noise.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     for n in range(anchors.shape[0]):
         compose(anchors[n], track.matched, starts[n])
         compose(anchors[n], track.predicted, predictions[n])
@@ -260,7 +244,7 @@ def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatAr
 
 
 @kernel
-def _is_odometry_only(track: Track) -> bool:
+def _is_odometry_only(track: tr.Track) -> bool:
     """Whether the prediction was propagated by odometry from the last processed scan itself."""
     return track.slack[0] == 0.0 and track.slack[1] == 0.0 and track.slack[2] == 0.0
 
@@ -288,14 +272,14 @@ def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data:
     bool
         False after a slip, which says nothing about the calibration.
     """
-    track, noise, calibration = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data)
+    track, noise, calibration = tr.track_of(track_data), tr.noise_of(noise_data), tr.calibration_of(calibration_data)
     if not _is_odometry_only(track):
         return False
     own = odometry_variances(noise, track.motion[0], track.motion[1])
     for k in range(3):
         variance = own[k]
-        for i in range(PARAMETERS):
-            for j in range(PARAMETERS):
+        for i in range(tr.PARAMETERS):
+            for j in range(tr.PARAMETERS):
                 variance += track.jacobian[k, i] * calibration.covariance[i, j] * track.jacobian[k, j]
         out[k] = 1.0 / variance
     return True
@@ -316,7 +300,7 @@ def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArr
     row : (13,) float64
         Result row of ``match_kernels``.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     if not _is_odometry_only(track):
         return
     prior = odometry_variances(noise, track.motion[0], track.motion[1])
@@ -358,8 +342,8 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
     step_data : (RECORD_SIZE,) float64
         Of a StepRecord, whose information and vector are written.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
-    calibration, step = calibration_of(calibration_data), record_of(step_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    calibration, step = tr.calibration_of(calibration_data), tr.record_of(step_data)
     information, told, about, vector = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     scan_vector(row, prediction, prior, information, told)
     own, squares = odometry_variances(noise, track.motion[0], track.motion[1]), np.empty(3)
@@ -367,19 +351,19 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
         squares[i], told[i] = own[i], told[i] / DEPENDENT
         for j in range(3):
             information[i, j] /= DEPENDENT
-    observation(information, squares, told, about, vector)
-    drift(calibration.covariance, track.motion[2], CALIBRATION_PRIOR, CALIBRATION_CHANGE)
+    ck.observation(information, squares, told, about, vector)
+    ck.drift(calibration.covariance, track.motion[2], tr.CALIBRATION_PRIOR, tr.CALIBRATION_CHANGE)
     before, jacobian = calibration.value.copy(), track.jacobian
-    if not update(calibration, jacobian, about, vector):
+    if not ck.update(calibration, jacobian, about, vector):
         return
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
+    for i in range(tr.PARAMETERS):
+        for j in range(tr.PARAMETERS):
             for a in range(3):
                 for b in range(3):
                     step.information[i, j] += jacobian[a, i] * about[a, b] * jacobian[b, j]
         for a in range(3):
             step.vector[i] += jacobian[a, i] * vector[a]
-        for j in range(PARAMETERS):
+        for j in range(tr.PARAMETERS):
             step.vector[i] += step.information[i, j] * before[j]
 
 
@@ -401,8 +385,8 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
     step_data : (RECORD_SIZE,) float64
         Of a StepRecord; written.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
-    calibration, step = calibration_of(calibration_data), record_of(step_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    calibration, step = tr.calibration_of(calibration_data), tr.record_of(step_data)
     step.information[:], step.vector[:], step.derivative[:] = 0.0, 0.0, 0.0
     step.applied[:] = calibration.value
     step.forward[0] = track.motion[2]
@@ -411,4 +395,4 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
     squares, information = np.empty(3), np.empty((3, 3))
     prediction_variances(track, noise, squares)
     scan_information(row, 1.0, information)
-    share_of_odometry(information, squares, track.jacobian, step.derivative)
+    ck.share_of_odometry(information, squares, track.jacobian, step.derivative)
