@@ -44,7 +44,8 @@ def rare_work(mapper: Mapper) -> None:
     """Call the kernels that the tour may not reach: corridors, window search, drift, loop search, optimisation."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
-    FastMatcher(mapper.config, ThreadTeam(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
+    matcher = FastMatcher(mapper.config, ThreadTeam(1))
+    matcher.search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))

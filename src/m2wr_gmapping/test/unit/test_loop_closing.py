@@ -214,7 +214,8 @@ def test_old_places_are_searched_again(open_ring):
 def searched(monkeypatch):
     """Function: results of wide searches one metre apart, as (rival, correction); returns which were accepted."""
     def run(results):
-        closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, StepHistory())
+        matcher = FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1))
+        closer = loop_closing.LoopCloser(matcher, 0.05, StepHistory())
         poses = np.array([[float(k), 0.0, 0.0] for k in range(len(results) + 1)])
         accepted = []
         for k, (rival, correction) in enumerate(results, 1):

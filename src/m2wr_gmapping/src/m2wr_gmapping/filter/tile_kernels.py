@@ -168,9 +168,9 @@ def count_holders(table: Int32Array, holders: Int32Array, free: Int32Array) -> i
         if tile >= 0:
             holders[tile] += 1
     count = 0
-    for tile in range(holders.shape[0] - 1, -1, -1):
-        if holders[tile] == 0:
-            free[count] = tile
+    for unused in range(holders.shape[0] - 1, -1, -1):
+        if holders[unused] == 0:
+            free[count] = unused
             count += 1
     return count
 

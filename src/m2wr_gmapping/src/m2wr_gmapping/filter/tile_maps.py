@@ -107,7 +107,7 @@ class TileMaps:
         rows, columns = self.table.shape[1:]
         self.table.resize((len(self.table), *shape), refcheck=False)
         before, size = self.table.reshape(-1), rows * columns
-        for particle in reversed(range(len(self.table))):        # a table moves to places that are behind all earlier ones
+        for particle in reversed(range(len(self.table))):       # a table moves behind all earlier ones
             old = before[particle * size:(particle + 1) * size].reshape(rows, columns).copy()
             self.table[particle] = -1
             self.table[particle, y:y + rows, x:x + columns] = old
