@@ -168,12 +168,9 @@ def read_out(threshold: float, table: Int32Array, counts: CountArray, grid: Int8
             block = table[ty, tx]
             if block < 0:
                 continue
-            for cell in range(CELLS):
-                hits, visits = counts[block, cell, HITS], counts[block, cell, VISITS]
-                if visits == 0:
-                    value = UNKNOWN
-                elif hits / visits > threshold:
-                    value = OCCUPIED
-                else:
-                    value = FREE
-                grid[(ty << SHIFT) + (cell >> SHIFT), (tx << SHIFT) + (cell & MASK)] = value
+            for row in range(SIDE):             # without branches and with plain indices: vectorised
+                for column in range(SIDE):
+                    cell = (row << SHIFT) | column
+                    hits, visits = counts[block, cell, HITS], counts[block, cell, VISITS]
+                    seen = OCCUPIED if hits / visits > threshold else FREE
+                    grid[(ty << SHIFT) + row, (tx << SHIFT) + column] = UNKNOWN if visits == 0 else seen
