@@ -2,13 +2,16 @@
 """Parameters: names, defaults, units and ranges, with conversion of the values that a user gives."""
 from __future__ import annotations
 
-import functools
 import math
-from dataclasses import dataclass, fields
-from typing import Any, Dict, Mapping, Optional, Tuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
-from m2wr_gmapping.filter.motion_model import MotionNoise
+import numpy as np
+
 from m2wr_node.numbers import number
+
+if TYPE_CHECKING:
+    from m2wr_node.array_types import FloatArray
 
 INFINITY = math.inf
 
@@ -81,8 +84,6 @@ PARAMETERS = {
     "seed": _p(0, "", 0, 2**63 - 1, "seed of all random numbers"),
     "threads": _p(1, "", 0, 256, "threads that share the particles; 0: one per core"),
 }
-# public name -> field of MotionNoise
-FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
 WHOLE = {"min_particles"}   # integers whose default is another parameter
 # unknown parameters that cause no warning
 TOLERATED = {"inverted_laser"}
@@ -109,7 +110,7 @@ def _converted(name: str, value: object) -> Any:
 class GmappingConfig:
     """All parameters, checked. See ``PARAMETERS`` for units and meanings."""
 
-    values: Tuple[Tuple[str, Any], ...]
+    values: Mapping[str, Any]
     unknown: Tuple[str, ...] = ()
     unusable: Tuple[str, ...] = ()
 
@@ -162,19 +163,11 @@ class GmappingConfig:
         values["throttle_scans"] = max(1, values["throttle_scans"])
         if values["tf_delay"] is None:
             values["tf_delay"] = values["transform_publish_period"]
-        return cls(tuple(values.items()), tuple(unknown), tuple(unusable))
+        return cls(values, tuple(unknown), tuple(unusable))
 
     def __getitem__(self, name: str) -> Any:
         """Return a value by its public name."""
-        return self._by_name[name]
-
-    @functools.cached_property
-    def _by_name(self) -> Dict[str, Any]:
-        return dict(self.values)
-
-    def as_dict(self) -> Dict[str, Any]:
-        """Return all values by their public names."""
-        return dict(self.values)
+        return self.values[name]
 
     def score_warning(self, ranges: int) -> Optional[str]:
         """Return a warning if no scan with so many ranges can reach ``minimumScore``, else None."""
@@ -186,10 +179,6 @@ class GmappingConfig:
             else "half the beams of a scan are used instead")
 
     @property
-    def noise(self) -> MotionNoise:
-        """The motion noise (MotionNoise)."""
-        values = dict(self.values)
-        return MotionNoise(**{field: values[name] for name, field in FIELDS.items()})
-
-
-assert {field.name for field in fields(MotionNoise)} == set(FIELDS.values())
+    def noise(self) -> FloatArray:
+        """Noise of odometry (2, 2): of translation and of heading, each by distance and by rotation."""
+        return np.array([[self["srr"], self["str"]], [self["srt"], self["stt"]]], float)

@@ -9,15 +9,14 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_search
 from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.frontend.information_kernels import unfold, weak_axis
 from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.workers import Workers
 from m2wr_maps.se2 import compose
 from m2wr_node.kernel_library import prepare
+from m2wr_node.thread_team import ThreadTeam
 
 
 def tour(mapper: Mapper, steps: int = 40) -> None:
@@ -45,10 +44,10 @@ def rare_work(mapper: Mapper) -> None:
     """Call the kernels that the tour may not reach: corridors, window search, drift, loop search."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
-    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
+    matcher = FastMatcher(mapper.config, ThreadTeam(1))
+    matcher.search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))
     unfold(np.ones(RESULT_SIZE))
-    particles.tree.nodes(particles.best)
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     drift_kernels.drift(path, turned, 0.0, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
@@ -56,10 +55,6 @@ def rare_work(mapper: Mapper) -> None:
     place_search.near_search(scene, nodes)
     place_search.wide_search(scene, nodes)
     particles.replace_past(path, mapper.readings)
-    wide = Occupancy((-5.0, -5.0, 5.0, 5.0), mapper.config["delta"], mapper.config["occ_thresh"])
-    wide.use_large_counts()
-    wide.update(path, mapper.readings)
-    wide.grid()
 
 
 def compile_kernels() -> None:

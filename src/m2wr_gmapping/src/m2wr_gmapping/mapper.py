@@ -14,27 +14,25 @@ from m2wr_gmapping.backend.route import distances_along
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.backend.turned_path import looks_alike
 from m2wr_gmapping.filter import resampling
-from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
+from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.standstill import Standstill
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
-from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
-from m2wr_gmapping.workers import Workers
+from m2wr_maps.occupancy import Occupancy
 from m2wr_maps.se2 import between, compose, inverse
+from m2wr_node.thread_team import ThreadTeam
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from m2wr_gmapping.config import GmappingConfig
-    from m2wr_gmapping.filter.occupancy import Grid
-    from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
     from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
@@ -91,7 +89,7 @@ class Mapper:
 
     def __init__(self, config: GmappingConfig, laser: LaserModel) -> None:
         self.config, self.laser = config, laser
-        self._workers = Workers(config["threads"])
+        self._workers = ThreadTeam(config["threads"])
         self._plain: bool = config["compatible"]
         self._dense: bool = config["track_between"] and not self._plain
         self._matcher: Union[HillClimbMatcher, FastMatcher]
@@ -234,14 +232,14 @@ class Mapper:
         if not (is_usable(pose, stamp) and is_usable(odom, stamp)):
             raise ValueError("start {} and odometry {} at {}: expected finite numbers below {:g}".format(
                 pose, odom, stamp, FARTHEST_ODOMETRY))
-        ground = MapReading(saved.walls())
+        ground = ScanReading.of_walls(saved.walls())
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
         if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
             pose = self._matcher.search(particles.maps, 0, reading, pose, WINDOW_MOST, NO_PRIOR)
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
-        self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
+        self._occupancy = Occupancy.on(saved, self.config["occ_thresh"])
         self._odom = odom
         self._remember(ground, stamp)
         self._distance = np.inf         # makes the first scan due
@@ -410,8 +408,8 @@ class Mapper:
         """Entropy of the normalised weights, between 0 and ln(particles)."""
         return resampling.entropy(self.particles.weights)
 
-    def occupancy(self, exact: bool = True, old: Optional[Grid] = None) -> Grid:
-        """Return the map (Grid) of the best particle's path.
+    def occupancy(self, exact: bool = True, old: Optional[SavedMap] = None) -> SavedMap:
+        """Return the map (SavedMap) of the best particle's path.
 
         To make a map on another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
 
@@ -419,7 +417,7 @@ class Mapper:
         ----------
         exact : bool
             Whether scans that moved by less than the error of a step are traced again.
-        old : Grid, optional
+        old : SavedMap, optional
             A map that is no longer needed: its memory is used again.
         """
         return self.map_of(*self.map_request(), exact=exact, old=old)
@@ -429,8 +427,8 @@ class Mapper:
         return self.particles.tree.path(self.particles.best), list(self.readings)
 
     def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False,
-               old: Optional[Grid] = None) -> Grid:
-        """Return the map (Grid) of a path.
+               old: Optional[SavedMap] = None) -> SavedMap:
+        """Return the map (SavedMap) of a path.
 
         Only one thread may call this, and with paths in the order of ``map_request``.
 
@@ -442,7 +440,8 @@ class Mapper:
         exact, old
             See ``occupancy``.
         """
-        self._occupancy.update(path, readings, exact)
+        # the best particle alternates between paths that differ by millimetres
+        self._occupancy.update(path, readings, 0.0 if exact else tuning.PARTICLES.same)
         return self._occupancy.grid(old)
 
     def base_poses(self, poses: ArrayLike) -> FloatArray:

@@ -7,8 +7,8 @@ import weakref
 import numpy as np
 import rospy
 
-from m2wr_gmapping.filter.occupancy import Grid
 from m2wr_gmapping.ros.outputs import MapOutput
+from m2wr_maps.saved_map import SavedMap
 
 
 def test_node_limits_the_heap_before_importing_numpy():
@@ -39,7 +39,7 @@ class OneMapMapper:
 
     @staticmethod
     def map_of(_, __):
-        return Grid(np.zeros((32, 32), np.int8), 0.05, np.zeros(2))
+        return SavedMap(np.zeros((32, 32), np.int8), 0.05, np.zeros(2))
 
     @staticmethod
     def base_poses(poses):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.filter import filter_kernels as fk
-from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.ros.pose_covariance import normalise
 from m2wr_maps.se2 import compose, wrap
 
 DEVIATIONS = np.array([0.05, 0.02, 0.01])

@@ -16,8 +16,8 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.workers import Workers
 from m2wr_maps.se2 import between, compose
+from m2wr_node.thread_team import ThreadTeam
 from wall_ranges import ranges
 
 STEP = 0.25
@@ -138,7 +138,7 @@ def test_wide_loop_is_closed_over_its_full_length(open_ring):
 def graph_of(mapper):
     """A graph without links of a mapper's path, the path, and its readings."""
     path = mapper.filter.tree.path(mapper.filter.best)
-    graph = LoopGraph(FastMatcher(mapper.config, Workers(1)), mapper.config["delta"], history_of(len(path)))
+    graph = LoopGraph(FastMatcher(mapper.config, ThreadTeam(1)), mapper.config["delta"], history_of(len(path)))
     return graph, path, mapper.readings
 
 
@@ -214,7 +214,8 @@ def test_old_places_are_searched_again(open_ring):
 def searched(monkeypatch):
     """Function: results of wide searches one metre apart, as (rival, correction); returns which were accepted."""
     def run(results):
-        closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
+        matcher = FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1))
+        closer = loop_closing.LoopCloser(matcher, 0.05, StepHistory())
         poses = np.array([[float(k), 0.0, 0.0] for k in range(len(results) + 1)])
         accepted = []
         for k, (rival, correction) in enumerate(results, 1):
@@ -248,7 +249,7 @@ def test_place_that_agrees_with_the_path_needs_no_other(searched):
 
 
 def test_frontiers_drop_corrections_that_the_path_contains():
-    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history_of(41))
+    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, history_of(41))
     path = np.array([[0.5 * k, 0.0, 0.0] for k in range(41)])
     correction = np.array([0.0, 0.3, 0.0])
     closer._accept_links([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
@@ -358,7 +359,7 @@ def test_scans_of_a_segment_are_merged():
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
     readings = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in path]
     scene = place_search.Scene(path, np.arange(10) * 0.2, readings, 1, np.zeros(10), np.zeros(10))
-    beams = place_match.merged_scan(scene, 1.0).beams
+    beams = place_match.merged_beams(scene, 1.0)
     x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
     assert np.maximum(np.abs(x) / 4.0, np.abs(y) / 2.5).max() < 1.001 and beams.shape[1] > 150
     far = np.hypot(beams[mk.QX], beams[mk.QY]) > 1.0
@@ -380,7 +381,7 @@ def test_noise_along_a_plain_wall_gives_no_information(end, holds):
                           + rng.normal(0.0, 0.03, len(LASER.angles)))
             for pose in path]
     scene = place_search.Scene(path, distances_along(path), seen, 8, np.ones(9), np.ones(9))
-    matcher = FastMatcher(GmappingConfig.from_mapping({}), Workers(1))
+    matcher = FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1))
     _, row, _, heard = place_match.fine_match(matcher, 0.05, scene, np.arange(8), path[-1])
     assert heard[0] <= row[mk.INFORMATION] * 1.001 and heard[3] == pytest.approx(row[mk.INFORMATION + 3], rel=0.1)
     assert (heard[0] > 0.5 * row[mk.INFORMATION]) == holds and np.linalg.eigvalsh(

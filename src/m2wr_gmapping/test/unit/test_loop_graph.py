@@ -10,7 +10,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.tuning import LINKS
-from m2wr_gmapping.workers import Workers
+from m2wr_node.thread_team import ThreadTeam
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -36,7 +36,7 @@ def test_loop_closure_uses_the_smoothed_calibration():
             step.information[tr.DISTANCE, tr.DISTANCE], step.vector[tr.DISTANCE] = 5e4, -0.03 * 5e4
         history.set_information(row, np.full(3, 0.01**2))
         path[k, 0] = path[k - 1, 0] + 0.5 * 1.03
-    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history)
+    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, history)
     graph.links.append((0, 20, np.array([20 * 0.5, 0.0, 0.0]), np.diag([1e-4, 2e3, 1e4])))
     bent = graph.solve(path)
     assert bent[60, 0] == pytest.approx(30.0, abs=0.1)      # 30.9 without
@@ -50,7 +50,7 @@ def test_contradicted_loop_closure_is_removed():
     for _ in range(40):
         tr.record_of(history.next_record())
         history.set_information(row, np.full(3, 0.01**2))
-    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history)
+    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, history)
     right = [(k, 40 - k, np.array([20.0 - k, 0.2, 0.0]), np.diag([1e3, 1e3, 1e4])) for k in range(3)]
     graph.links = right + [(4, 38, np.array([12.0, 5.0, 0.5]), np.diag([1e3, 1e3, 1e4]))]
     solved = graph.solve(path, True)

@@ -107,13 +107,14 @@ def test_map_from_odom_transforms_odometry_to_the_pose(mapped):
 
 def test_stationary_robot_changes_nothing(mapped, ring, laser):
     mapper, truth, odom = mapped(laps=0.2)
-    processed, tracked, tiles = mapper.processed, mapper.tracked, mapper.filter.maps.tiles_in_use
-    nodes = len(mapper.filter.tree)
+    processed, tracked, used = mapper.processed, mapper.tracked, mapper.filter.maps.compact()["mean"]
+    nodes = mapper.filter.tree.depth
     reading = laser.reading(ring.ranges(truth[-1], laser.angles))
     for k in range(200):
         update = mapper.process(reading, odom[-1], 1000.0 + k)
         assert not update.processed
-    assert (mapper.processed, mapper.filter.maps.tiles_in_use, len(mapper.filter.tree)) == (processed, tiles, nodes)
+    assert (mapper.processed, mapper.filter.tree.depth) == (processed, nodes)
+    assert len(mapper.filter.maps.compact()["mean"]) == len(used)
     assert mapper.tracked <= tracked + 1
     mapper.close()
 
@@ -198,8 +199,8 @@ def test_memory_is_bounded_while_driving_back_and_forth(laser, ring):
     for k in range(120):
         pose = truth[k % 4]
         mapper.process(mapper.reading(ring.ranges(pose, laser.angles)), pose, 0.1 * k)
-    assert len(mapper.readings) == 1 and len(mapper.filter.tree) == 4
-    assert mapper.filter.maps.tiles_in_use < 4 * 400
+    assert len(mapper.readings) == 1 and len(mapper.filter.tree.leaves) == 4 and mapper.filter.tree.depth == 1
+    assert len(mapper.filter.maps.compact()["mean"]) < 4 * 400
     mapper.close()
 
 

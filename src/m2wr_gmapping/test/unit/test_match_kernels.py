@@ -20,7 +20,7 @@ def cloud(seed, count=150):
     points += rng.normal(0.0, 0.01, points.shape)
     maps = TileMaps(1, 0.05, NEVER)
     maps.cover(points.min(axis=1), points.max(axis=1))
-    maps.register(0, np.zeros(3), points)
+    maps.register(np.zeros((1, 3)), points)
     normals = np.concatenate([np.tile([[0.0], [1.0]], count), np.tile([[1.0], [0.0]], count)], axis=1)
     beams = np.empty((mk.BEAM_ROWS, points.shape[1]))
     beams[:2], beams[2:4] = points, normals
@@ -32,10 +32,10 @@ def cloud(seed, count=150):
 
 def matched(maps, beams, start, prediction, prior, settings=SETTINGS):
     """Result row of a match in the only map."""
-    row = np.zeros(mk.RESULT_SIZE)
-    mk.match_pose(np.array(start, float), np.array(prediction, float), maps.table[0], beams, maps.mean, maps.hits,
-                  maps.frame, np.full(3, prior), settings, row)
-    return row
+    rows = np.zeros((1, mk.RESULT_SIZE))
+    mk.match_particles(np.array([start], float), np.array([prediction], float), 0, 1, beams, maps.table, maps.mean,
+                       maps.hits, maps.frame, np.full(3, prior), settings, -math.inf, rows)
+    return rows[0]
 
 
 def slow_nearest(maps, x, y, half=1):
@@ -141,17 +141,17 @@ def test_match_particles_equals_single_matches():
     shifted = TileMaps(3, 0.05, NEVER)
     shifted.cover((-4.0, -4.0), (4.0, 4.0))
     for particle in range(3):
-        shifted.register(particle, np.array([0.02 * particle, -0.01, 0.0]), np.ascontiguousarray(beams[:2]))
+        shifted.register(np.array([[0.02 * particle, -0.01, 0.0]]), np.ascontiguousarray(beams[:2]), particle)
     rng = np.random.default_rng(7)
     starts, predictions = rng.normal(0.0, 0.02, (3, 3)), rng.normal(0.0, 0.02, (3, 3))
-    results, row = np.full((3, mk.RESULT_SIZE), np.nan), np.zeros(mk.RESULT_SIZE)
+    results, row = np.full((3, mk.RESULT_SIZE), np.nan), np.zeros((1, mk.RESULT_SIZE))
     mk.match_particles(starts, predictions, 1, 3, beams, shifted.table, shifted.mean, shifted.hits, shifted.frame,
                        np.full(3, 50.0), SETTINGS, 0.0, results)
     assert np.isnan(results[0]).all()
     for particle in (1, 2):
-        mk.match_pose(starts[particle], predictions[particle], shifted.table[particle], beams, shifted.mean,
-                      shifted.hits, shifted.frame, np.full(3, 50.0), SETTINGS, row)
-        assert (results[particle] == row).all()
+        mk.match_particles(starts[particle:], predictions[particle:], 0, 1, beams, shifted.table[particle:],
+                           shifted.mean, shifted.hits, shifted.frame, np.full(3, 50.0), SETTINGS, -math.inf, row)
+        assert (results[particle] == row[0]).all()
     assert abs(results[2, 0] - results[1, 0]) > 0.01
 
 

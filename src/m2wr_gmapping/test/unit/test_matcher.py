@@ -22,7 +22,7 @@ from m2wr_gmapping.frontend.matcher import (
 from m2wr_gmapping.frontend.occlusion import NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.track import Request
-from m2wr_gmapping.workers import Workers
+from m2wr_node.thread_team import ThreadTeam
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
 STILL = tuning.TURNS.half_turn      # time in which a person can turn the robot [s]
@@ -39,11 +39,11 @@ def seen(x, end, laser=LASER, heading=0.0):
 
 def corridor(end, particles):
     """Matcher, maps of a scan from where the corridor begins, and a reading half a metre further."""
-    matcher, maps = FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), TileMaps(particles, 0.05, NEVER)
+    matcher, maps = FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), TileMaps(particles, 0.05, NEVER)
     first = seen(0.0, end)
     maps.cover((-8.0, -8.0), (8.0, 8.0))
     for particle in range(particles):
-        maps.register(particle, np.zeros(3), first.points)
+        maps.register(np.zeros((1, 3)), first.points, particle)
     return matcher, maps, seen(0.5, end)
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from m2wr_gmapping.frontend import track as tr
-from m2wr_gmapping.frontend.mount_check import MountCheck
+from m2wr_gmapping.ros.mount_check import MountCheck
 
 
 def calibration(yaw=0.0, x=0.0, y=0.0, yaw_deviation=0.05, deviation=0.004):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import rospy
 
-from m2wr_gmapping.filter.occupancy import Grid
 from m2wr_gmapping.ros.outputs import LONGEST_WAIT, SHORTEST_WAIT, MapOutput, Pace
+from m2wr_maps.saved_map import SavedMap
 
 PERIOD = 0.05
 
@@ -76,7 +76,7 @@ class SlowMapper:
     def map_of(self, path, readings):
         self.begun.release()
         assert self.go.acquire(timeout=60)
-        return Grid(np.full((32, 32), len(path), np.int8), 0.05, np.zeros(2))
+        return SavedMap(np.full((32, 32), len(path), np.int8), 0.05, np.zeros(2))
 
     @staticmethod
     def base_poses(poses):

@@ -6,6 +6,7 @@ import pytest
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.odometry_kernels import user_noise
 from m2wr_gmapping.mapper import Mapper
 from m2wr_maps.se2 import between
 
@@ -56,6 +57,16 @@ def test_path_that_scans_support_becomes_the_best(driven):
     assert particles.best == other
     moved = particles.poses - before
     assert np.allclose(moved[other], STEP) and np.abs(moved[first] - STEP).max() > 1e-4
+
+
+def test_drift_has_the_mean_and_deviation_of_the_model():
+    step, pose = np.array([0.5, 0.1, 0.3]), np.array([1.0, 2.0, 0.7])
+    config = GmappingConfig.from_mapping(dict(particles=10000, srr=0.1, srt=0.05, str=0.02, stt=0.1))
+    particles = ParticleFilter(config, Matches(), pose)
+    particles.drift(step)
+    moved = between(pose, particles.poses)
+    assert np.allclose(moved.mean(axis=0), step, atol=3e-3)
+    assert np.allclose(moved.std(axis=0), user_noise(config.noise, *step), rtol=0.03)
 
 
 @pytest.mark.parametrize("seed", range(3))

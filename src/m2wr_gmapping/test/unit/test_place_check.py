@@ -14,7 +14,7 @@ from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
-from m2wr_gmapping.workers import Workers
+from m2wr_node.thread_team import ThreadTeam
 from wall_ranges import ranges
 
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 240, 241, 0.05, 10.0)
@@ -56,7 +56,7 @@ def test_scans_without_end_points_are_not_opposite():
 
 
 def near_link(seen):
-    graph = LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
+    graph = LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, StepHistory())
     return graph.near_link(seen, np.arange(9))
 
 

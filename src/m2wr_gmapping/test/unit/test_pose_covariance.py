@@ -3,7 +3,7 @@
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.pose_covariance import covariance
+from m2wr_gmapping.ros.pose_covariance import covariance
 
 FLOOR = np.square(tuning.PARTICLES.covariance_floor)
 

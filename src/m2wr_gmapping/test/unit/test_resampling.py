@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.filter import resampling
+from m2wr_gmapping.ros.pose_covariance import normalise
 
 
 def test_weights_effective_number_and_entropy():
-    even = resampling.normalise(np.full(8, -1e4), 24.0)
+    even = normalise(np.full(8, -1e4), 24.0)
     assert np.allclose(even, 1 / 8) and resampling.effective_number(even) == pytest.approx(8.0)
     assert resampling.entropy(even) == pytest.approx(math.log(8))
-    one = resampling.normalise(np.array([0.0, -1e9, -1e9]), 1.0)
+    one = normalise(np.array([0.0, -1e9, -1e9]), 1.0)
     assert resampling.effective_number(one) == pytest.approx(1.0) and resampling.entropy(one) == 0.0
 
 

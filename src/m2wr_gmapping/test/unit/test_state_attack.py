@@ -119,7 +119,7 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("filter.poses", lambda found: found * np.nan, "filter.poses is nan"),
     ("filter.poses", lambda found: found.astype(np.float32), "is of float32; expected float64"),
     ("_occupancy._table", lambda found: found + 10**6, "_occupancy._table is"),
-    ("_occupancy.hits", lambda found: found[:, :5], "_occupancy.hits: 5 where 1024 are expected"),
+    ("_occupancy._counts", lambda found: found[:, :5], "_occupancy._counts: 5 where 1024 are expected"),
     ("_loops.graph.links.1", lambda found: found + 10**6, "_loops.graph.links.1 is"),
     ("_loops.graph.links.0", lambda found: found + 10**5, "_loops.graph.links.0 is"),
     ("_between.1", lambda found: found + 10**6, "_between.1 is"),

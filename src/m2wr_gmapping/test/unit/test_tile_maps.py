@@ -44,10 +44,13 @@ def same(found, expected):
         assert found[key][0] == hits and abs(found[key][1] - x) < ROUNDED and abs(found[key][2] - y) < ROUNDED
 
 
+def used(maps):
+    """Number of tiles that particles hold."""
+    return len(maps.compact()["mean"])
+
+
 def fill(maps, particle, pose, points):
-    reach = np.abs(points).max() * 1.5
-    maps.cover(np.array(pose[:2]) - reach, np.array(pose[:2]) + reach)
-    maps.register(particle, np.array(pose, float), points)
+    maps.register(np.array([pose], float), points, particle)
 
 
 def test_registration_equals_reference():
@@ -70,16 +73,16 @@ def test_scan_bounds_equal_reference(particles, points):
     assert high == pytest.approx([max(poses[:, 0]) + reach, max(poses[:, 1]) + reach])
 
 
-def test_register_all_equals_register_for_each():
+def test_all_particles_equal_one_after_the_other():
     rng = np.random.default_rng(4)
     poses, points = rng.uniform(-4, 4, (40, 3)), rng.uniform(-30, 30, (2, 500))
     one, all_at_once = TileMaps(40, 0.05, NEVER), TileMaps(40, 0.05, NEVER)
     for maps in (one, all_at_once):
         maps.cover(np.full(2, -60.0), np.full(2, 60.0))
     for particle, pose in enumerate(poses):
-        one.register(particle, pose, points)
-    all_at_once.register_all(poses, points)
-    assert all_at_once.tiles_in_use == one.tiles_in_use > 1024          # storage had to grow on the way
+        one.register(pose[None], points, particle)
+    all_at_once.register(poses, points)
+    assert used(all_at_once) == used(one) > 1024          # storage had to grow on the way
     for particle in (0, 7, 39):
         assert cells(one, particle) == cells(all_at_once, particle)
 
@@ -89,9 +92,9 @@ def test_particles_share_until_they_write():
     maps = TileMaps(3, 0.05, NEVER)
     first, second = rng.uniform(-6, 6, (2, 300)), rng.uniform(-6, 6, (2, 300))
     fill(maps, 0, (0, 0, 0), first)
-    used = maps.tiles_in_use
+    tiles = used(maps)
     maps.resample(np.array([0, 0, 0]))
-    assert maps.tiles_in_use == used
+    assert used(maps) == tiles
     fill(maps, 1, (0.1, 0.2, 0.3), second)
     origin = ((0.0, 0.0, 0.0), first)
     same(cells(maps, 0), plain([origin]))
@@ -105,12 +108,11 @@ def test_dropped_maps_give_their_tiles_back_and_storage_grows():
     for particle in range(4):
         scans.append(((0.0, 0.0, 0.1 * particle), rng.uniform(-12, 12, (2, 3000))))
         fill(maps, particle, *scans[-1])
-    assert maps.tiles_in_use > 1024
+    assert used(maps) > 1024
     for particle in range(4):
         same(cells(maps, particle), plain([scans[particle]]))
-    for particle in range(4):
-        maps.clear(particle)
-    assert maps.tiles_in_use == 0
+    maps.clear()
+    assert used(maps) == 0
 
 
 def test_frozen_cells_stay():
@@ -161,7 +163,7 @@ def test_marked_tiles_cover_all_shifted_points(seed):
     rng = np.random.default_rng(seed)
     maps = TileMaps(1, 0.05)
     maps.cover(np.full(2, -12.0), np.full(2, 12.0))
-    maps.register(0, np.zeros(3), rng.uniform(-11.0, 11.0, (2, 4000)))
+    maps.register(np.zeros((1, 3)), rng.uniform(-11.0, 11.0, (2, 4000)))
     centre, points = rng.uniform(-3.0, 3.0, 3), rng.uniform(-4.0, 4.0, (2, 3))
     reach, widest, count = float(rng.uniform(0.1, 0.8)), float(rng.uniform(0.02, 0.9)), int(rng.integers(1, 12))
     marked = np.zeros(maps.table.shape[1:], bool)
@@ -186,7 +188,7 @@ def test_field_holds_the_value_of_the_nearest_mean(seed):
     rng, sigma = np.random.default_rng(seed), 0.05
     maps = TileMaps(2, 0.05)
     maps.cover(np.full(2, -3.0), np.full(2, 3.0))
-    maps.register(1, np.array([0.3, -0.2, 0.7]), rng.uniform(-2.0, 2.0, (2, 60)))
+    maps.register(np.array([[0.3, -0.2, 0.7]]), rng.uniform(-2.0, 2.0, (2, 60)), 1)
     corner = np.array([20, 60]) + rng.integers(-30, 5, 2)       # partly outside the table
     field = np.full((70, 90), 7, np.uint8)
     draw_field(maps.table[1], maps.mean, maps.hits, maps.frame, corner, sigma, everywhere(maps), field)

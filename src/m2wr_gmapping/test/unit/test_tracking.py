@@ -6,18 +6,24 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.filter.motion_model import MotionNoise
 from m2wr_gmapping.frontend import odometry_kernels as ok
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
 from m2wr_maps.se2 import between, compose, inverse
 
-NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
+NOISE = np.array([[0.01, 0.01], [0.02, 0.02]])
 
 
 def noise_of(parameters=NOISE):
     return tr.noise_of(tr.new_noise(parameters))
+
+
+def test_noise_follows_the_step():
+    user = np.array([[0.1, 0.3], [0.2, 0.4]])
+    assert np.allclose(ok.user_noise(user, 1.0, 0.0, 0.0), [0.1, 0.03, 0.2])
+    assert np.allclose(ok.user_noise(user, 0.0, 0.0, -2.0), [0.6, 0.6, 0.8])
+    assert np.allclose(ok.user_noise(user, 0.0, 0.0, 0.0), 0.0)
 
 
 def deviations(noise, distance, turn):
@@ -148,7 +154,7 @@ def test_plain_wall_leaves_its_direction_to_odometry(laser):
 
 
 def test_trust_in_odometry_adapts_within_a_few_steps():
-    noise, sure = noise_of(MotionNoise()), np.square([0.003, 0.003, 0.002])
+    noise, sure = noise_of(GmappingConfig.from_mapping({}).noise), np.square([0.003, 0.003, 0.002])
     before = deviations(noise, 1.0, 0.0)
     for _ in range(6):
         teach(noise, np.zeros(3), sure, 1.0, 0.0)

@@ -2,28 +2,37 @@
 """The trajectory tree."""
 
 import numpy as np
+import pytest
 
-from m2wr_gmapping.filter.trajectory import TrajectoryTree
+from m2wr_gmapping.filter.trajectory import FIRST_NODES, TrajectoryTree
 
 
-def test_tree_stores_exactly_the_paths_of_all_particles():
-    rng, tree, count = np.random.default_rng(2), TrajectoryTree(10), 10
+def nodes_in_use(tree):
+    return len(tree.compact()["_parent"])
+
+
+@pytest.mark.parametrize("count", [5, 10, FIRST_NODES + 1])
+def test_tree_equals_lists_of_poses(count):
+    rng, tree = np.random.default_rng(2), TrajectoryTree(count)
     paths = [[] for _ in range(count)]
-    for _ in range(300):
+    for k in range(300 if count < 100 else 4):
         if rng.random() < 0.5:
             ancestors = rng.integers(0, count, count)
             tree.resample(ancestors)
             paths = [list(paths[a]) for a in ancestors]
-        poses = rng.random((count, 3))
-        tree.extend(poses)
+        if k == 150:                    # all on one path, after a loop was closed
+            past, poses = rng.random((k, 3)), rng.random((count, 3))
+            tree.replace(past, poses)
+            paths = [list(past) for _ in range(count)]
+        else:
+            poses = rng.random((count, 3))
+            tree.extend(poses)
         for path, pose in zip(paths, poses):
             path.append(pose)
+    assert tree.depth == len(paths[0])
     for particle in range(count):
         assert np.array_equal(tree.path(particle), paths[particle])
-    assert len(tree) == len({tuple(path[k]) + (k,) for path in paths for k in range(300)})
-    depth = tree.common_depth()
-    assert len({path[depth - 1].tobytes() for path in paths}) == 1
-    assert len({path[depth].tobytes() for path in paths}) > 1
+    assert nodes_in_use(tree) == len({tuple(path[k]) + (k,) for path in paths for k in range(tree.depth)})
 
 
 def test_replaced_past_is_shared_by_all_particles():
@@ -32,34 +41,31 @@ def test_replaced_past_is_shared_by_all_particles():
         tree.extend(rng.random((4, 3)))
     past, last = rng.random((4, 3)), rng.random((4, 3))
     tree.replace(past, last)
-    assert len(tree) == 8 and tree.depth == 5 and tree.common_depth() == 4
+    assert nodes_in_use(tree) == 8 and tree.depth == 5
     for particle in range(4):
         assert np.array_equal(tree.path(particle), np.vstack([past, last[particle]]))
     tree.resample(np.array([1, 1, 1, 1]))
-    assert len(tree) == 5
+    assert nodes_in_use(tree) == 5
 
 
-def test_tree_equals_reference():
-    rng, count = np.random.default_rng(6), 5
-    tree, paths, serials, made = TrajectoryTree(count), [[] for _ in range(count)], [[] for _ in range(count)], 0
-    for k in range(600):
-        poses = rng.normal(size=(count, 3))
-        tree.extend(poses)
-        paths = [path + [pose] for path, pose in zip(paths, poses)]
-        serials = [known + [made + n] for n, known in enumerate(serials)]
-        made += count
-        if k % 3 == 0:
-            ancestors = np.sort(rng.integers(0, count, count))
-            tree.resample(ancestors)
-            paths, serials = [paths[a] for a in ancestors], [serials[a] for a in ancestors]
-        if k % 250 == 100:              # all on one path, after a loop was closed
-            past, last = rng.normal(size=(k, 3)), rng.normal(size=(count, 3))
-            tree.replace(past, last)
-            paths = [list(past) + [pose] for pose in last]
-            common = list(range(made, made + k))
-            serials = [common + [made + k + n] for n in range(count)]
-            made += k + count
-        if k % 50 == 0 or k == 599:
-            for n in range(count):
-                assert (tree.path(n) == np.array(paths[n])).all() and tree.keys(n).tolist() == serials[n]
-            assert len(tree) == len({number for known in serials for number in known})
+def test_nodes_without_particles_are_deleted():
+    tree, rng = TrajectoryTree(8), np.random.default_rng(4)
+    for _ in range(5000):
+        tree.extend(rng.random((8, 3)))
+        tree.resample(np.zeros(8, np.int64))
+    assert len(tree._parent) < 4 * 5000
+
+
+def test_restored_tree_continues_with_the_same_paths():
+    rng, tree, again = np.random.default_rng(5), TrajectoryTree(6), TrajectoryTree(6)
+    for k in range(400):
+        if k == 200:
+            again.restore(tree.compact())
+        poses, ancestors = rng.random((6, 3)), rng.integers(0, 6, 6)
+        for one in (tree, again) if k >= 200 else (tree,):
+            one.extend(poses)
+            one.resample(ancestors)
+    for particle in range(6):
+        assert np.array_equal(tree.path(particle), again.path(particle))
+    expected, found = tree.compact(), again.compact()
+    assert all(np.array_equal(expected[name], found[name]) for name in expected)

@@ -23,8 +23,7 @@ KEPT = {
     "frontend/correlative_kernels.py": {
         "BLOCK": "speed of an exact search", "CENTRE": "values of a raster", "BESIDE": "", "CORNER": ""},
     "frontend/hill_climb_kernels.py": {
-        "SHIFT": "layout of tiles", "MASK": "", "UNIT": "", "LSTEP": "indices", "ASTEP": "", "ITERATIONS": "",
-        "SIGMA": "", "LSIGMA": "", "KERNEL": "", "MIN_SCORE": "", "SCORE": "", "LOG_LIKELIHOOD": "", "FOUND": ""},
+        "LSTEP": "indices", "ASTEP": "", "ITERATIONS": "", "SIGMA": "", "LSIGMA": "", "KERNEL": "", "MIN_SCORE": ""},
     "frontend/information_kernels.py": {"INFORMATION": "index"},
     "frontend/match_kernels.py": dict.fromkeys(
         "SHIFT MASK UNIT QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
@@ -35,14 +34,9 @@ KEPT = {
     "frontend/scan.py": {"FARTHEST": "limit of input", "TILT_TOLERANCE": "limit of input"},
     "frontend/track.py": dict.fromkeys(
         "DISTANCE ROTATION DRIFT MOUNT_X MOUNT_Y MOUNT_YAW PARAMETERS TRACK_SIZE CALIBRATION_SIZE NOISE_SIZE "
-        "REQUEST_SIZE RECORD_SIZE".split(), "indices and layout"),
-    "frontend/tracking_kernels.py": {"COST": "index"},
+        "RECORD_SIZE".split(), "indices and layout"),
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
-    "filter/occupancy.py": {"FIRST_BLOCKS": "buffer", "GROWTH": "size of the map as of gmapping"},
-    "filter/occupancy_kernels.py": {
-        "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "SHIFT": "layout of blocks", "MASK": "", "SIDE": "",
-        "CELLS": ""},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},
     "filter/tile_kernels.py": {
         "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",

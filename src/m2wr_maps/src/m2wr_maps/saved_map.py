@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""An occupancy grid that was read from files."""
+"""An occupancy grid: free, occupied and unknown cells, and where they are."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SavedMap:
-    """An occupancy grid from a file.
+    """An occupancy grid, read from files or to be written.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class SavedMap:
 
     data: Int8Array
     resolution: float
-    origin: Tuple[float, float]
+    origin: FloatArray
     name: str = ""
 
     def walls(self) -> FloatArray:

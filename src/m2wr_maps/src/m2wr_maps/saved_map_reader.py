@@ -48,4 +48,4 @@ def read_map(path: str) -> SavedMap:
     data = np.select([dark > occupied, dark < free], [100, 0], -1).astype(np.int8)
     if not (data == 100).any():
         raise MapReadingError("map {}: no cell is occupied; expected walls".format(path))
-    return SavedMap(data, resolution, (float(origin[0]), float(origin[1])), path)
+    return SavedMap(data, resolution, np.array(origin[:2], float), path)

@@ -21,7 +21,7 @@ def written(tmp_path, **values):
 def test_row_order_and_thresholds(tmp_path):
     saved = read_map(written(tmp_path))
     np.testing.assert_array_equal(saved.data, [[0, 0, -1], [100, 0, -1]])
-    assert saved.origin == (1.0, 2.0) and saved.walls().tolist() == [[1.0], [2.1]]
+    assert saved.origin.tolist() == [1.0, 2.0] and saved.walls().tolist() == [[1.0], [2.1]]
     np.testing.assert_array_equal(read_map(written(tmp_path, negate=1)).data[1], [0, 100, 100])
 
 

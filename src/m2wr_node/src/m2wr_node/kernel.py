@@ -159,7 +159,7 @@ def _jit(function: Callable[..., Any], options: Dict[str, Any]) -> Any:
 
 
 def name_in_package(function: Callable[..., Any]) -> str:
-    """Return the name of a function without that of its package, such as ``frontend.match_kernels.match_pose``."""
+    """Return the name of a function without that of its package, such as ``frontend.match_kernels.scratch``."""
     return "%s.%s" % (function.__module__.partition(".")[2], function.__name__)
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Optional, Tuple, Union
+from typing import Optional, Tuple
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from m2wr_gmapping.backend.place_search import Scene
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NARROW, FastMatcher
-from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import LINKS, MATCHING, SEARCH
 from m2wr_maps.se2 import between, compose
 from m2wr_node.array_types import FloatArray, IndexArray
@@ -27,15 +25,8 @@ PINNED = 1e12               # information that fixes a pose
 FineMatch = Tuple[int, FloatArray, IndexArray, FloatArray]
 
 
-@dataclass(frozen=True)
-class MergedScan:
-    """Beams (7, M) of one or several scans, as input of the matcher."""
-
-    beams: FloatArray
-
-
-def merged_scan(scene: Scene, reach: float) -> MergedScan:
-    """Return the scans of the last ``reach`` metres of path as one scan, seen from the newest node.
+def merged_beams(scene: Scene, reach: float) -> FloatArray:
+    """Return the beams of the scans of the last ``reach`` metres of path, seen from the newest node.
 
     Parameters
     ----------
@@ -46,7 +37,8 @@ def merged_scan(scene: Scene, reach: float) -> MergedScan:
 
     Returns
     -------
-    MergedScan
+    (7, M) float64
+        In the layout of ``match_kernels``.
     """
     path, along, parts = scene.path, scene.along, []
     for node in range(len(path) - 1, -1, -1):
@@ -60,7 +52,7 @@ def merged_scan(scene: Scene, reach: float) -> MergedScan:
     beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], SEARCH.cells[0])], SEARCH.points)
     qx, qy, nx, ny = beams[[mk.QX, mk.QY, mk.NX, mk.NY]]
     beams[mk.ARM_N], beams[mk.ARM_T] = ny * qx - nx * qy, nx * qx + ny * qy
-    return MergedScan(beams)
+    return beams
 
 
 def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: IndexArray, pose: FloatArray,
@@ -92,19 +84,19 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     order = np.argsort(distance, kind="stable")
     further = min(reach, SEARCH.reach)
     around = old[order][distance[order] < LINKS.reach + further][:SEARCH.nodes[0] + int(LINKS.nodes * further)]
-    reading = merged_scan(scene, reach) if reach else MergedScan(readings[-1].beams)
-    beams = reading.beams.shape[1]
-    if not len(around) or not beams:
+    beams = merged_beams(scene, reach) if reach else readings[-1].beams
+    count = beams.shape[1]
+    if not len(around) or not count:
         return None
     maps = TileMaps(1, resolution, NEVER)
-    maps.register_path(0, path[around], [readings[node] for node in around])
-    row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(LINKS.prior))
-    if row[mk.SCORE] < MATCHING.score * beams or row[mk.FOUND] < SEARCH.least_score * beams:
+    maps.register_path(path[around], [readings[node] for node in around])
+    row = matcher.match_one(maps, 0, beams, pose, pose, 1.0 / np.square(LINKS.prior))
+    if row[mk.SCORE] < MATCHING.score * count or row[mk.FOUND] < SEARCH.least_score * count:
         return None
-    return int(around[0]), row, around, _supported_information(matcher, maps, reading, row)
+    return int(around[0]), row, around, _supported_information(matcher, maps, beams, row)
 
 
-def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: Union[ScanReading, MergedScan],
+def _supported_information(matcher: FastMatcher, maps: TileMaps, beams: FloatArray,
                            row: FloatArray) -> FloatArray:
     """Return the information (6,) of a match that its cost supports along the weakest direction.
 
@@ -117,7 +109,7 @@ def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: Union[
     rise = math.inf
     for move in (step, -step):
         beside = compose(row[:3], move)
-        rise = min(rise, matcher.match_one(maps, 0, reading, beside, beside, pinned)[mk.COST] - row[mk.COST])
+        rise = min(rise, matcher.match_one(maps, 0, beams, beside, beside, pinned)[mk.COST] - row[mk.COST])
     whole = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
     part = 1.0 - min(1.0, max(0.0, rise) / max(RISE * size[0], 1e-9))
     along = whole[:, :2] @ axes[:, 0]

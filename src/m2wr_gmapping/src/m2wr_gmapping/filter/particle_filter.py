@@ -10,11 +10,11 @@ import numpy as np
 from m2wr_gmapping import tuning
 from m2wr_gmapping.filter import filter_kernels as kernels
 from m2wr_gmapping.filter import resampling
-from m2wr_gmapping.filter.kld_sampling import next_count
-from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.odometry_kernels import user_noise
+from m2wr_maps.se2 import compose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -97,8 +97,8 @@ class ParticleFilter:
         return self._rng_motion.standard_normal((self.count, 3))
 
     def drift(self, step: FloatArray) -> None:
-        """Move all particles by an odometry step, with noise."""
-        self.poses = sample_motion(self.poses, step, self._noise, self.normals())
+        """Move all particles by an odometry step (3,) [m, m, rad], with noise."""
+        self.poses = compose(self.poses, step + np.array(user_noise(self._noise, *step)) * self.normals())
 
     def match(self, reading: ScanReading, starts: FloatArray, predictions: FloatArray, prior: FloatArray,
               minimum_score: float, sample: Optional[FloatArray]) -> FloatArray:
@@ -141,7 +141,7 @@ class ParticleFilter:
         """Resample if too few particles carry the weight, or their number changes; return the ancestors or None."""
         count, best = self.count, self.best
         if self._least < self._most:
-            count = next_count(self.poses, best, self._least, self._most)
+            count = resampling.next_count(self.poses, best, self._least, self._most)
         if count == self.count and self.n_eff >= self._resample_below * count:
             return None
         ancestors = resampling.systematic_resample(
@@ -159,14 +159,13 @@ class ParticleFilter:
     def register(self, reading: ScanReading) -> bool:
         """Write the scan into every map and extend every path; return False if it did not fit."""
         self.tree.extend(self.poses)
-        return self.maps.register_all(self.poses, reading.points)
+        return self.maps.register(self.poses, reading.points)
 
     def begin_on(self, ground: ScanReading) -> None:
         """Give all particles one initial map: the end points (2, M) of ``ground``, relative to their pose."""
         self.tree.extend(self.poses)
-        if ground.points.shape[1]:
-            self.maps.register_path(0, self.poses[:1], [ground])
-            self.maps.resample(np.zeros(self.count, np.int64))
+        self.maps.register(self.poses[:1], ground.points)
+        self.maps.resample(np.zeros(self.count, np.int64))
 
     def replace_past(self, path: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Give all particles one common past along corrected poses.
@@ -180,9 +179,8 @@ class ParticleFilter:
         readings : sequence of K ScanReading
             Scans of the path's nodes.
         """
-        for particle in range(self.count):
-            self.maps.clear(particle)
-        self.maps.register_path(0, path, readings)
+        self.maps.clear()
+        self.maps.register_path(path, readings)
         self.maps.resample(np.zeros(self.count, np.int64))
         self.poses = np.tile(path[-1], (self.count, 1))
         self.tree.replace(path[:-1], self.poses)

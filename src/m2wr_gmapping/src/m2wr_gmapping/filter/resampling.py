@@ -1,30 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Weights of a particle set: normalising, effective number, entropy, low-variance resampling."""
+"""Weights of a particle set: effective number, entropy, low-variance resampling, and the number of particles."""
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
+from m2wr_gmapping import tuning
+from m2wr_maps.se2 import wrap
+
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from m2wr_node.array_types import FloatArray, IndexArray
-
-
-def normalise(log_weights: ArrayLike, gain: float) -> FloatArray:
-    """Return normalised weights of smoothed log-weights.
-
-    Parameters
-    ----------
-    log_weights : (N,) float64
-        Log-weights.
-    gain : float
-        Divisor of the log-weights (gmapping: ogain times the number of particles).
-    """
-    logs = np.asarray(log_weights, float)
-    weights: FloatArray = np.exp((logs - logs.max()) / gain)
-    return weights / weights.sum()
 
 
 def effective_number(weights: FloatArray) -> float:
@@ -70,3 +57,47 @@ def systematic_resample(weights: FloatArray, start: float, count: Optional[int] 
     copies[stay] -= 1
     ancestors[ancestors < 0] = np.repeat(np.arange(len(weights)), copies)
     return ancestors
+
+
+def needed(poses: FloatArray, best: int) -> int:
+    """Return the number of particles by KLD-sampling.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    best : int
+        Particle at the centre of its bin.
+
+    Notes
+    -----
+    D. Fox, Adapting the sample size in particle filters through KLD-sampling, IJRR 22(12), 2003.
+    """
+    away = poses - poses[best]
+    away[:, 2] = wrap(away[:, 2])
+    free = len(np.unique(np.rint(away / tuning.PARTICLES.bin).astype(np.int64), axis=0)) - 1
+    if not free:
+        return 1
+    part = 2.0 / (9.0 * free)
+    return math.ceil(free / (2.0 * tuning.PARTICLES.kld[0])
+                     * (1.0 - part + math.sqrt(part) * tuning.PARTICLES.kld[1])**3)
+
+
+def next_count(poses: FloatArray, best: int, least: int, most: int) -> int:
+    """Return the number of particles for the next scans; small changes are not made.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    best : int
+        Particle at the centre of its bin.
+    least : int
+        Limits of the number.
+    most : int
+        Limits of the number.
+    """
+    count = len(poses)
+    wanted = min(max(needed(poses, best), least), most)
+    much = abs(wanted - count) > tuning.PARTICLES.changed_count * count
+    return wanted if much or not least <= count <= most else count

@@ -55,71 +55,6 @@ def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint8Array, hits: 
 
 
 @kernel
-def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, table: Int32Array, mean: Uint8Array,
-                    hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
-                    frozen: int) -> int:
-    """Register end points in the map of one particle. Points outside the table are left out.
-
-    Parameters
-    ----------
-    n : int
-        Particle.
-    pose : (3,) float64
-        Pose of the laser in ``map`` [m, m, rad].
-    points : (2, B) float64
-        End points [m, laser frame].
-    start : int
-        First point.
-    table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
-    mean : (T, 256, 2) uint8
-        Mean hit point of each cell.
-    hits : (T, 256) uint8
-        Number of hits of each cell.
-    holders : (T,) int32
-        Number of particles that hold each tile.
-    free : (T,) int32
-        Stack of unused tiles.
-    counters : (1,) int64
-        Height of the stack.
-    frame : (3,) float64
-        World x, y of the table's corner [m], cells per metre.
-    frozen : int
-        Cells with this number of hits are not changed any more.
-
-    Returns
-    -------
-    int
-        Number of points done; less than B if the stack of free tiles is empty. The caller then adds tiles and calls
-        again.
-    """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    ox, oy, inv = frame[0], frame[1], frame[2]
-    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
-    for b in range(start, points.shape[1]):
-        fx = (pose[0] + c * points[0, b] - s * points[1, b] - ox) * inv
-        fy = (pose[1] + s * points[0, b] + c * points[1, b] - oy) * inv
-        if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
-            continue
-        ix, iy = int(fx), int(fy)
-        cell = ((iy & MASK) << SHIFT) | (ix & MASK)
-        tile = table[n, iy >> SHIFT, ix >> SHIFT]
-        if tile >= 0 and hits[tile, cell] >= frozen:
-            continue
-        if tile < 0 or holders[tile] != 1:
-            if counters[0] < 1:
-                return b
-            tile = _owned(table, n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
-        if hits[tile, cell] < MOST_HITS:
-            hits[tile, cell] += 1
-        share = 1.0 / hits[tile, cell]
-        mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
-        mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
-        mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
-    return points.shape[1]
-
-
-@kernel
 def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], Tuple[float, float]]:
     """Return lower and upper corner of a box that holds end points seen from any of the poses [m].
 
@@ -143,19 +78,23 @@ def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], 
 
 
 @kernel
-def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array, mean: Uint8Array,
-                   hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
-                   frozen: int) -> bool:
-    """Register end points in the map of every particle n, seen from ``poses[n]``.
+def register_scans(first: int, poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array,
+                   mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
+                   frame: FloatArray, frozen: int) -> bool:
+    """Register end points in the map of each particle ``first`` + n, seen from ``poses[n]``.
+
+    Points outside the table are left out.
 
     Parameters
     ----------
+    first : int
+        First particle.
     poses : (N, 3) float64
         Poses x, y [m], theta [rad] in ``map``.
     points : (2, B) float64
         End points [m, laser frame].
     progress : (2,) int64
-        First particle and point; changed to the next ones if the stack of free tiles becomes empty.
+        First pose and point; changed to the next ones if the stack of free tiles becomes empty.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
     mean : (T, 256, 2) uint8
@@ -176,79 +115,64 @@ def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, 
     Returns
     -------
     bool
-        False if the stack of free tiles is empty.
+        False if the stack of free tiles is empty. The caller then adds tiles and calls again.
     """
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
     for n in range(progress[0], poses.shape[0]):
-        done = register_points(n, poses[n], points, progress[1], table, mean, hits, holders, free, counters, frame,
-                               frozen)
-        if done < points.shape[1]:
-            progress[0], progress[1] = n, done
-            return False
+        x, y, c, s = poses[n, 0], poses[n, 1], math.cos(poses[n, 2]), math.sin(poses[n, 2])
+        for b in range(progress[1], points.shape[1]):
+            fx = (x + c * points[0, b] - s * points[1, b] - ox) * inv
+            fy = (y + s * points[0, b] + c * points[1, b] - oy) * inv
+            if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
+                continue
+            ix, iy = int(fx), int(fy)
+            cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+            tile = table[first + n, iy >> SHIFT, ix >> SHIFT]
+            if tile >= 0 and hits[tile, cell] >= frozen:
+                continue
+            if tile < 0 or holders[tile] != 1:
+                if counters[0] < 1:
+                    progress[0], progress[1] = n, b
+                    return False
+                tile = _owned(table, first + n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
+            if hits[tile, cell] < MOST_HITS:
+                hits[tile, cell] += 1
+            share = 1.0 / hits[tile, cell]
+            mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
+            mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
+            mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
         progress[1] = 0
     return True
 
 
 @kernel
-def take_over(n: int, ancestor: int, table: Int32Array, holders: Int32Array, free: Int32Array,
-              counters: IndexArray) -> None:
-    """Let a particle drop its map and share that of another one.
+def count_holders(table: Int32Array, holders: Int32Array, free: Int32Array) -> int:
+    """Count the particles that hold each tile, and list the unused tiles.
 
     Parameters
     ----------
-    n : int
-        Particle.
-    ancestor : int
-        The other particle.
     table : (N, H, W) int32
         Tile of each particle at each place, -1 for none.
     holders : (T,) int32
-        Number of particles that hold each tile.
+        Zeros; written.
     free : (T,) int32
-        Stack of unused tiles.
-    counters : (1,) int64
+        Written: stack of unused tiles, that with the lowest number on top.
+
+    Returns
+    -------
+    int
         Height of the stack.
     """
-    for ty in range(table.shape[1]):
-        for tx in range(table.shape[2]):
-            old, new = table[n, ty, tx], table[ancestor, ty, tx]
-            if old == new:
-                continue
-            if new >= 0:
-                holders[new] += 1
-            if old >= 0:
-                holders[old] -= 1
-                if holders[old] == 0:
-                    free[counters[0]] = old
-                    counters[0] += 1
-            table[n, ty, tx] = new
-
-
-@kernel
-def drop(n: int, table: Int32Array, holders: Int32Array, free: Int32Array, counters: IndexArray) -> None:
-    """Clear the map of a particle.
-
-    Parameters
-    ----------
-    n : int
-        Particle.
-    table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
-    holders : (T,) int32
-        Number of particles that hold each tile.
-    free : (T,) int32
-        Stack of unused tiles.
-    counters : (1,) int64
-        Height of the stack.
-    """
-    for ty in range(table.shape[1]):
-        for tx in range(table.shape[2]):
-            old = table[n, ty, tx]
-            if old >= 0:
-                holders[old] -= 1
-                if holders[old] == 0:
-                    free[counters[0]] = old
-                    counters[0] += 1
-                table[n, ty, tx] = -1
+    for tile in table.flat:
+        if tile >= 0:
+            holders[tile] += 1
+    count = 0
+    for unused in range(holders.shape[0] - 1, -1, -1):
+        if holders[unused] == 0:
+            free[count] = unused
+            count += 1
+    return count
 
 
 @kernel

@@ -42,40 +42,27 @@ class TileMaps:
     """
 
     def __init__(self, count: int, resolution: float, frozen: int = 64, limit: int = 150000) -> None:
-        self.count, self.resolution, self._frozen, self._limit = count, resolution, frozen, limit
+        self.resolution, self._frozen, self._limit = resolution, frozen, limit
         self.table = np.full((count, 0, 0), -1, np.int32)
         self._corner: Optional[Tuple[int, int]] = None                         # column, row of the table's first tile
         self.frame = np.array([0.0, 0.0, 1.0 / resolution])
-        self._counters = np.zeros(1, np.int64)
+        self.mean = np.empty((FIRST_TILES, kernels.CELLS, 2), np.uint8)
+        self.hits = np.empty((FIRST_TILES, kernels.CELLS), np.uint8)
         self.beyond = 0
-        self._allocate(FIRST_TILES)
+        self._count_holders()
 
-    def _allocate(self, tiles: int) -> None:
-        cells = kernels.CELLS
-        self.mean = np.empty((tiles, cells, 2), np.uint8)
-        self.hits = np.empty((tiles, cells), np.uint8)
-        self._holders = np.zeros(tiles, np.int32)
-        self._free = np.arange(tiles - 1, -1, -1, dtype=np.int32)
-        self._counters[0] = tiles
+    def _count_holders(self) -> None:
+        """Count the particles that hold each tile, and list the unused tiles."""
+        tiles = len(self.mean)
+        self._holders, self._free = np.zeros(tiles, np.int32), np.empty(tiles, np.int32)
+        self._counters = np.array([kernels.count_holders(self.table, self._holders, self._free)])
 
     def _more_tiles(self) -> None:
-        old = len(self._holders)
+        old = len(self.mean)
         new = old + max(old // 8, FIRST_TILES)
-        for name in ("mean", "hits"):
-            array = getattr(self, name)
+        for array in (self.mean, self.hits):
             array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
-        holders, free = np.zeros(new, np.int32), np.empty(new, np.int32)
-        holders[:old] = self._holders
-        unused = int(self._counters[0])
-        free[:new - old] = np.arange(new - 1, old - 1, -1)
-        free[new - old:new - old + unused] = self._free[:unused]
-        self._holders, self._free = holders, free
-        self._counters[0] = unused + new - old
-
-    @property
-    def tiles_in_use(self) -> int:
-        """Number of tiles that particles hold."""
-        return len(self._holders) - int(self._counters[0])
+        self._count_holders()
 
     def cover(self, low: Tuple[float, float], high: Tuple[float, float]) -> bool:
         """Let the table span a box.
@@ -118,9 +105,9 @@ class TileMaps:
     def _grow(self, shape: Tuple[int, int], y: int, x: int) -> None:
         """Grow the table to (rows, columns) in place, so that it is not in memory twice; the old one begins at y, x."""
         rows, columns = self.table.shape[1:]
-        self.table.resize((self.count, *shape), refcheck=False)
+        self.table.resize((len(self.table), *shape), refcheck=False)
         before, size = self.table.reshape(-1), rows * columns
-        for particle in reversed(range(self.count)):        # a table moves to places that are behind all earlier ones
+        for particle in reversed(range(len(self.table))):       # a table moves behind all earlier ones
             old = before[particle * size:(particle + 1) * size].reshape(rows, columns).copy()
             self.table[particle] = -1
             self.table[particle, y:y + rows, x:x + columns] = old
@@ -129,54 +116,17 @@ class TileMaps:
         """Set the frame; cell centres are at multiples of the resolution, as in the published map."""
         self.frame[:2] = np.array(self._corner) * (CELLS_A_SIDE * self.resolution) - 0.5 * self.resolution
 
-    def register(self, particle: int, pose: FloatArray, points: FloatArray) -> None:
-        """Register end points in the map of one particle; the table must span them.
-
-        Parameters
-        ----------
-        particle : int
-            Index of the particle.
-        pose : (3,) float64
-            Pose of the laser in ``map`` [m, m, rad].
-        points : (2, B) float64
-            End points [m, laser frame].
-        """
-        done = 0
-        while True:
-            done = kernels.register_points(
-                particle, pose, points, done, self.table, self.mean, self.hits, self._holders, self._free,
-                self._counters, self.frame, self._frozen)
-            if done >= points.shape[1]:
-                return
-            self._more_tiles()
-
-    def register_path(self, particle: int, path: FloatArray, readings: Sequence[ScanReading]) -> None:
-        """Register the end points of readings along a path in the map of one particle.
-
-        Parameters
-        ----------
-        particle : int
-            Index of the particle.
-        path : (K, 3) float64
-            Poses of the readings in ``map`` [m, m, rad].
-        readings : sequence of K ScanReading
-            Scans of the path's nodes.
-        """
-        for k, reading in enumerate(readings):
-            points = reading.points
-            if points.shape[1]:
-                self.cover(*kernels.bounds(path[k:k + 1], points))
-                self.register(particle, path[k], points)
-
-    def register_all(self, poses: FloatArray, points: FloatArray) -> bool:
-        """Register end points of one scan in the map of every particle.
+    def register(self, poses: FloatArray, points: FloatArray, first: int = 0) -> bool:
+        """Register end points of one scan in the maps of some particles.
 
         Parameters
         ----------
         poses : (N, 3) float64
-            Poses x, y [m], theta [rad] in ``map``.
+            Poses of the laser in ``map``, one for each particle [m, m, rad].
         points : (2, B) float64
             End points [m, laser frame].
+        first : int
+            The first of these particles.
 
         Returns
         -------
@@ -186,29 +136,33 @@ class TileMaps:
         if not points.shape[1]:
             return True
         fits, progress = self.cover(*kernels.bounds(poses, points)), np.zeros(2, np.int64)
-        while not kernels.register_scans(poses, points, progress, self.table, self.mean, self.hits, self._holders,
-                                         self._free, self._counters, self.frame, self._frozen):
+        while not kernels.register_scans(first, poses, points, progress, self.table, self.mean, self.hits,
+                                         self._holders, self._free, self._counters, self.frame, self._frozen):
             self._more_tiles()
         return fits
 
-    def resample(self, ancestors: IndexArray) -> None:
-        """Let each particle share the map of its ancestor, if that is another one."""
-        before, after = self.count, len(ancestors)
-        if after > before:
-            more = np.full((after - before,) + self.table.shape[1:], -1, np.int32)
-            self.table = np.concatenate([self.table, more])
-        for particle, ancestor in enumerate(ancestors):
-            if particle != ancestor:
-                kernels.take_over(particle, ancestor, self.table, self._holders, self._free, self._counters)
-        for particle in range(after, before):
-            self.clear(particle)
-        if after < before:
-            self.table = self.table[:after].copy()
-        self.count = after
+    def register_path(self, path: FloatArray, readings: Sequence[ScanReading]) -> None:
+        """Register the end points of readings along a path in the map of the first particle.
 
-    def clear(self, particle: int) -> None:
-        """Clear the map of one particle."""
-        kernels.drop(particle, self.table, self._holders, self._free, self._counters)
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the readings in ``map`` [m, m, rad].
+        readings : sequence of K ScanReading
+            Scans of the path's nodes.
+        """
+        for k, reading in enumerate(readings):
+            self.register(path[k:k + 1], reading.points)
+
+    def resample(self, ancestors: IndexArray) -> None:
+        """Let particles (M,) share the maps of their ancestors."""
+        self.table = self.table[ancestors]
+        self._count_holders()
+
+    def clear(self) -> None:
+        """Clear all maps."""
+        self.table[:] = -1
+        self._count_holders()
 
     # ---- saving
 
@@ -223,12 +177,11 @@ class TileMaps:
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the table does not fit its limit or corner."""
         self.__dict__.update(stored)            # the arrays must own their memory for resizing
-        self.count, rows, columns = self.table.shape
+        _, rows, columns = self.table.shape
         empty = not rows * columns
         if rows * columns > self._limit or (self._corner is None) != empty or empty != (not rows and not columns):
             raise ValueError("a table of {} x {} tiles; expected at most {}, and a corner if any".format(
                 rows, columns, self._limit))
         if self._corner is not None:
             self._place()
-        self._holders = np.bincount(self.table[self.table >= 0], minlength=len(self.mean)).astype(np.int32)
-        self._free, self._counters = np.zeros(len(self._holders), np.int32), np.zeros(1, np.int64)
+        self._count_holders()

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_gmapping.workers import Workers
     from m2wr_node.array_types import FloatArray
+    from m2wr_node.thread_team import ThreadTeam
 
 
 class HillClimbMatcher:
     """Hill climb with halving steps on the score of gmapping."""
 
-    def __init__(self, config: GmappingConfig, workers: Workers) -> None:
+    def __init__(self, config: GmappingConfig, workers: ThreadTeam) -> None:
         self._workers = workers
         self._settings = np.array([config[name] for name in (
             "lstep", "astep", "iterations", "sigma", "lsigma", "kernelSize", "minimumScore")], float)

@@ -11,15 +11,13 @@ import math
 from typing import TYPE_CHECKING
 
 from m2wr_gmapping import tuning
+from m2wr_gmapping.frontend.match_kernels import FOUND, LOG_LIKELIHOOD, MASK, SCORE, SHIFT, UNIT
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array
 
-SHIFT, MASK = 4, 15
-UNIT = 1.0 / 255
 LSTEP, ASTEP, ITERATIONS, SIGMA, LSIGMA, KERNEL, MIN_SCORE = 0, 1, 2, 3, 4, 5, 6
-SCORE, LOG_LIKELIHOOD, FOUND = 3, 4, 5
 NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
@@ -111,23 +109,11 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
                 astep *= 0.5
             best = current
             fx, fy, ft = x, y, theta
-            for k in range(6):
-                tx, ty, tt = x, y, theta
-                if k == 0:
-                    tx += lstep
-                elif k == 1:
-                    tx -= lstep
-                elif k == 2:
-                    ty -= lstep
-                elif k == 3:
-                    ty += lstep
-                elif k == 4:
-                    tt += astep
-                else:
-                    tt -= astep
-                score = _score(tx, ty, tt, beams, grid, mean, hits, frame, settings, row)
+            for dx, dy, turn in ((lstep, 0.0, 0.0), (-lstep, 0.0, 0.0), (0.0, -lstep, 0.0), (0.0, lstep, 0.0),
+                                 (0.0, 0.0, astep), (0.0, 0.0, -astep)):
+                score = _score(x + dx, y + dy, theta + turn, beams, grid, mean, hits, frame, settings, row)
                 if score > current:
-                    current, fx, fy, ft = score, tx, ty, tt
+                    current, fx, fy, ft = score, x + dx, y + dy, theta + turn
             x, y, theta = fx, fy, ft
             if current <= best and refinement >= settings[ITERATIONS]:
                 break

@@ -261,7 +261,7 @@ def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: 
 def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
            hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
            sums: FloatArray, row: FloatArray) -> None:
-    """``match_pose`` with scratch arrays for pairs and equations, ``sums`` (12,)."""
+    """Match a scan in one map, with scratch arrays for pairs and equations, ``sums`` (12,)."""
     h, g, step = sums[:6], sums[6:9], sums[9:12]
     per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
     x, y, theta = start[0], start[1], start[2]
@@ -299,46 +299,14 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
 
 
 @kernel
-def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
-               hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, row: FloatArray) -> None:
-    """Match a scan in one map by Gauss-Newton, from ``start``.
-
-    The cost is the robust point-to-line distance of the end points to their nearest mean hit points, plus the distance
-    from ``prediction`` weighted by ``prior``. The width of the robust kernel is halved in each round. The information
-    matrix in the result excludes sliding along straight walls: this weight only stabilises the search.
-
-    Parameters
-    ----------
-    start : (3,) float64
-        Start pose in ``map``.
-    prediction : (3,) float64
-        Pose predicted by odometry.
-    grid : (H, W) int32
-        Tile table of one particle.
-    beams : (7, B) float64
-        Beams; layout of ``match_kernels``.
-    mean : (T, 256, 2) uint8
-        Mean hit point of each cell.
-    hits : (T, 256) uint8
-        Number of hits of each cell.
-    frame : (3,) float64
-        World x, y of the table's corner [m], cells per metre.
-    prior : (3,) float64
-        Inverse variances along the axes of the prediction.
-    settings : (7,) float64
-        WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE.
-    row : (13,) float64
-        Written: pose, score, log-likelihood, partners, cost and the scan's information (upper triangle, laser axes).
-    """
-    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
-    _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row)
-
-
-@kernel
 def match_particles(starts: FloatArray, predictions: FloatArray, first: int, last: int, beams: FloatArray,
                     table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
                     settings: FloatArray, least: float, results: FloatArray) -> None:
-    """Run ``match_pose`` for some particles, each in its own map.
+    """Match a scan in the maps of some particles by Gauss-Newton, from ``starts``.
+
+    The cost is the robust point-to-line distance of the end points to their nearest mean hit points, plus the distance
+    from the prediction weighted by ``prior``. The width of the robust kernel is halved in each round. The information
+    matrix in the result excludes sliding along straight walls: this weight only stabilises the search.
 
     A match with score ``least`` or less is rejected: the prediction is kept, without information.
 
@@ -365,11 +333,11 @@ def match_particles(starts: FloatArray, predictions: FloatArray, first: int, las
     prior : (3,) float64
         Inverse variances along the axes of the prediction.
     settings : (7,) float64
-        As of ``match_pose``.
+        WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE.
     least : float
         Score of a rejected match.
     results : (N, 13) float64
-        Written: result rows.
+        Written: pose, score, log-likelihood, partners, cost and the scan's information (upper triangle, laser axes).
     """
     pairs, sums = scratch(beams.shape[1]), np.zeros(12)
     for i in range(first, last):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Callable, NamedTuple, Optional, Protocol, Tuple
+from typing import TYPE_CHECKING, Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Request
-    from m2wr_gmapping.workers import Workers
     from m2wr_node.array_types import FloatArray, Vector
+    from m2wr_node.thread_team import ThreadTeam
 
 NARROW = tuning.MATCHING.narrow
 SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]
@@ -33,14 +33,6 @@ WINDOW_MOST = np.array(tuning.MATCHING.search_most)
 NO_PRIOR = np.array([math.inf, math.inf])
 TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
 NO_SLIP, DOUBTFUL, SLIP, LARGE_SLIP, UNEXPLAINED = range(5)
-
-
-class Beams(Protocol):
-    """A scan as the matcher reads it."""
-
-    @property
-    def beams(self) -> FloatArray:
-        """Matched end points (7, M), in the layout of ``match_kernels``."""
 
 
 class Rival(NamedTuple):
@@ -73,10 +65,10 @@ class FastMatcher:
     Parameters
     ----------
     config : GmappingConfig
-    workers : Workers
+    workers : ThreadTeam
     """
 
-    def __init__(self, config: GmappingConfig, workers: Workers) -> None:
+    def __init__(self, config: GmappingConfig, workers: ThreadTeam) -> None:
         self._workers = workers
         self._settings = np.zeros(mk.MATCH_SETTINGS)
         self._settings[mk.WIDE], self._settings[mk.NARROW] = tuning.MATCHING.wide, NARROW
@@ -123,7 +115,7 @@ class FastMatcher:
         fuse_all(results, predictions, prior)
         return results
 
-    def match_one(self, maps: TileMaps, particle: int, reading: Beams, start: FloatArray, prediction: FloatArray,
+    def match_one(self, maps: TileMaps, particle: int, beams: FloatArray, start: FloatArray, prediction: FloatArray,
                   prior: FloatArray) -> FloatArray:
         """Match in the map of one particle.
 
@@ -133,8 +125,8 @@ class FastMatcher:
             Maps of the particles.
         particle : int
             Index of the particle.
-        reading : ScanReading or another object with ``beams``
-            The scan.
+        beams : (7, B) float64
+            End points of the scan, in the layout of ``match_kernels``.
         start : (3,) float64
             Start pose in ``map``.
         prediction : (3,) float64
@@ -147,15 +139,15 @@ class FastMatcher:
         (13,) float64
             Result row of ``match_kernels``.
         """
-        row = np.empty(mk.RESULT_SIZE)
-        mk.match_pose(start, prediction, maps.table[particle], reading.beams, maps.mean, maps.hits, maps.frame, prior,
-                      self._settings, row)
-        return row
+        rows = np.empty((1, mk.RESULT_SIZE))
+        mk.match_particles(start[None], prediction[None], 0, 1, beams, maps.table[particle:particle + 1], maps.mean,
+                           maps.hits, maps.frame, prior, self._settings, -math.inf, rows)
+        return rows[0]
 
     def _fused(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
                prior: FloatArray) -> FloatArray:
         """``match_one``, with odometry along directions that the scan does not observe; see ``fuse``."""
-        row = self.match_one(maps, particle, reading, start, prediction, prior)
+        row = self.match_one(maps, particle, reading.beams, start, prediction, prior)
         fuse(row, prediction, prior)
         return row
 

@@ -10,6 +10,7 @@ from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise
+    from m2wr_node.array_types import FloatArray
 
 CROSS = tuning.CROSS_NOISE
 MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor
@@ -19,13 +20,13 @@ MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.scale
 
 
 @kernel
-def user_noise(noise: Noise, dx: float, dy: float, turn: float) -> Tuple[float, float, float]:
-    """Return the standard deviations of a step by the user's parameters, as ``motion_model.MotionNoise``.
+def user_noise(user: FloatArray, dx: float, dy: float, turn: float) -> Tuple[float, float, float]:
+    """Return the standard deviations of a step by the user's parameters, in the frame where the step starts.
 
     Parameters
     ----------
-    noise : Noise
-        User's parameters and their scales.
+    user : (2, 2) float64
+        See ``Noise``.
     dx : float
         Step [m].
     dy : float
@@ -39,10 +40,10 @@ def user_noise(noise: Noise, dx: float, dy: float, turn: float) -> Tuple[float, 
         [m, m, rad]
     """
     dx, dy, turn = abs(dx), abs(dy), abs(turn)
-    by_distance, by_turn = noise.user[0, 0], noise.user[0, 1]
+    by_distance, by_turn = user[0, 0], user[0, 1]
     return (by_distance * dx + by_turn * turn + CROSS * by_distance * dy,
             by_distance * dy + by_turn * turn + CROSS * by_distance * dx,
-            noise.user[1, 1] * turn + noise.user[1, 0] * math.hypot(dx, dy))
+            user[1, 1] * turn + user[1, 0] * math.hypot(dx, dy))
 
 
 @kernel
@@ -69,7 +70,7 @@ def noise_parts(noise: Noise, distance: float, turn: float) -> Tuple[float, floa
     aside : float
         Lateral deviation that the heading causes [m].
     """
-    along, across, _ = user_noise(noise, distance, 0.0, 0.0)
+    along, across, _ = user_noise(noise.user, distance, 0.0, 0.0)
     distance_scale, rotation_scale = noise.scale[0, 0], noise.scale[0, 1]
     along = (along + MIN_DEVIATION + MIN_DEVIATION_SHARE * distance) * distance_scale
     across = (across + MIN_DEVIATION + MIN_DEVIATION_SHARE * distance) * distance_scale

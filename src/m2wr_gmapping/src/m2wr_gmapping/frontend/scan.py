@@ -265,6 +265,19 @@ class ScanReading:
         reading.points, reading._beams, reading.rays, reading.ray_hits = points, beams, rays, ray_hits
         return reading
 
+    @classmethod
+    def of_walls(cls, points: FloatArray) -> ScanReading:
+        """Return a saved map as a reading: its walls are end points, seen from the map's origin.
+
+        It has no beams to match, and no rays that clear space.
+
+        Parameters
+        ----------
+        points : (2, M) float64
+            Centres of the occupied cells in ``map`` [m].
+        """
+        return cls.of_parts(points, np.empty((mk.BEAM_ROWS, 0)), np.empty((2, 0), np.float32), np.zeros(0, bool))
+
     @property
     def beams(self) -> FloatArray:
         """End points that are matched, with their normals, (7, M) float64: the layout of ``match_kernels``."""

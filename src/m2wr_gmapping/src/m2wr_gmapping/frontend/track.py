@@ -10,7 +10,6 @@ from m2wr_gmapping import tuning
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_node.array_types import FloatArray
 
 #: Components of the calibration: relative error of distance and of rotation, rotation per metre [rad/m], position
@@ -92,7 +91,7 @@ class Track(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What is asked of the next match; written by ``tracking_kernels.expect``.
+    """What is asked of the next match; see ``tracking_kernels.expect``.
 
     Attributes
     ----------
@@ -140,7 +139,7 @@ class StepRecord(NamedTuple):
 # Each of these is stored in one flat array, which the kernels take: numba needs microseconds to recognise a tuple of
 # several arrays. The functions below give names to its parts, in kernels and in Python.
 
-TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 39, 45, 12, 14, 67
+TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, RECORD_SIZE = 39, 45, 12, 67
 
 
 @kernel
@@ -163,12 +162,6 @@ def noise_of(data: FloatArray) -> Noise:
 
 
 @kernel
-def request_of(data: FloatArray) -> Request:
-    """Return the named parts of ``data`` (REQUEST_SIZE,) float64, as views."""
-    return Request(data[:3], data[3:6], data[6:9], data[9:12], data[12:14])
-
-
-@kernel
 def record_of(data: FloatArray) -> StepRecord:
     """Return the named parts of ``data`` (RECORD_SIZE,) float64, as views."""
     return StepRecord(data[:36].reshape(PARAMETERS, PARAMETERS), data[36:42], data[42:48],
@@ -183,12 +176,11 @@ def new_calibration(mount: FloatArray) -> FloatArray:
     return data
 
 
-def new_noise(noise: MotionNoise) -> FloatArray:
-    """Return the data of a Noise by the user's parameters."""
+def new_noise(user: FloatArray) -> FloatArray:
+    """Return the data of a Noise by the user's parameters (2, 2)."""
     data = np.zeros(NOISE_SIZE)
     parts = noise_of.py_func(data)
-    parts.user[:] = [[noise.trans_trans, noise.trans_rot], [noise.rot_trans, noise.rot_rot]]
-    parts.scale[:] = 1.0
+    parts.user[:], parts.scale[:] = user, 1.0
     return data
 
 

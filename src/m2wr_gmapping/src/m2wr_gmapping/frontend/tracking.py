@@ -9,26 +9,15 @@ import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
-from m2wr_gmapping.frontend.track import (
-    REQUEST_SIZE,
-    calibration_of,
-    new_calibration,
-    new_noise,
-    new_track,
-    noise_of,
-    request_of,
-    track_of,
-)
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher, Rival
     from m2wr_gmapping.frontend.occlusion import Conflict
     from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_gmapping.frontend.track import Calibration, Noise, Track
     from m2wr_node.array_types import FloatArray
 
 
@@ -41,7 +30,8 @@ class Tracker:
     Parameters
     ----------
     matcher : FastMatcher
-    noise : MotionNoise
+    noise : (2, 2) float64
+        Of odometry, by the user's parameters; see ``Noise``.
     dense : bool
         Whether all scans are matched, so that a slip of the wheels can be confirmed.
     mount : (3,) float64
@@ -59,33 +49,32 @@ class Tracker:
         Whether odometry and older scans agree on the newest matched scan.
     """
 
-    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, mount: FloatArray, view: float) -> None:
+    def __init__(self, matcher: FastMatcher, noise: FloatArray, dense: bool, mount: FloatArray, view: float) -> None:
         self._matcher, self._dense, self._view = matcher, dense, view
-        self._track, self._noise, self._calibration = new_track(), new_noise(noise), new_calibration(mount)
-        self._ask = np.zeros(REQUEST_SIZE)
+        self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
         self.has_turned = self.is_unexplained = False
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
 
     @property
-    def track(self) -> Track:
+    def track(self) -> tr.Track:
         """Motion since the last processed scan."""
-        return track_of.py_func(self._track)
+        return tr.track_of.py_func(self._track)
 
     @property
-    def noise(self) -> Noise:
+    def noise(self) -> tr.Noise:
         """Noise of odometry."""
-        return noise_of.py_func(self._noise)
+        return tr.noise_of.py_func(self._noise)
 
     @property
-    def calibration(self) -> Calibration:
+    def calibration(self) -> tr.Calibration:
         """Systematic errors of odometry and of the laser's mount."""
-        return calibration_of.py_func(self._calibration)
+        return tr.calibration_of.py_func(self._calibration)
 
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
-        tk.restart(self._track)
+        self._track[:] = 0.0
         self.has_turned = self.is_unexplained = False
         self._share = 1.0
 
@@ -170,14 +159,15 @@ class Tracker:
         bool
             False if the scan has no beams to match.
         """
-        track, ask = self.track, request_of.py_func(self._ask)
+        track = self.track
         if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
             self.agrees = False
             return False
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
-        long = tk.expect(self._track, self._noise, anchor, self._ask)
+        long, start, expected, variances, window = tk.expect(self._track, self._noise, anchor)
+        ask = tr.Request(start, expected, variances, 1.0 / variances, window)
         row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
                                                      rival)
         self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
@@ -221,6 +211,6 @@ class Tracker:
         track, noise, calibration, prior = self._track, self._noise, self._calibration, np.empty(3)
         tk.record_step(track, noise, calibration, row, step)
         if reading.beams.shape[1] and tk.weak_prior(track, noise, calibration, prior):
-            free = self._matcher.match_one(maps, particle, reading, row[:3], prediction, prior)
+            free = self._matcher.match_one(maps, particle, reading.beams, row[:3], prediction, prior)
             tk.learn(track, noise, calibration, prediction, free, prior, step)
         tk.learn_noise(track, noise, anchor, row)

@@ -11,41 +11,19 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.frontend.calibration_kernels import (
-    corrected_step,
-    drift,
-    observation,
-    propagate_jacobian,
-    share_of_odometry,
-    update,
-)
-from m2wr_gmapping.frontend.information_kernels import (
-    DEPENDENT,
-    fused_covariance,
-    scan_information,
-    scan_vector,
-    unfold,
-)
+from m2wr_gmapping.frontend import calibration_kernels as ck
+from m2wr_gmapping.frontend import information_kernels as ik
+from m2wr_gmapping.frontend import track as tr
+from m2wr_gmapping.frontend.match_kernels import COST
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
-from m2wr_gmapping.frontend.track import (
-    CALIBRATION_CHANGE,
-    CALIBRATION_PRIOR,
-    PARAMETERS,
-    calibration_of,
-    noise_of,
-    record_of,
-    request_of,
-    track_of,
-)
 from m2wr_maps.linear_kernels import product, transformed
 from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.frontend.track import Noise, Track
     from m2wr_node.array_types import FloatArray
 
-COST = 6
+    Expectation = Tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
@@ -79,10 +57,10 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, raw: FloatArra
     moved : bool
         Whether odometry has moved since the last match.
     """
-    track, calibration = track_of(track_data), calibration_of(calibration_data)
-    step, of_step = np.empty(3), np.empty((3, PARAMETERS))
-    forward = corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
-    propagate_jacobian(step, of_step, track.jacobian)
+    track, calibration = tr.track_of(track_data), tr.calibration_of(calibration_data)
+    step, of_step = np.empty(3), np.empty((3, tr.PARAMETERS))
+    forward = ck.corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
+    ck.propagate_jacobian(step, of_step, track.jacobian)
     compose(track.matched, step, track.matched)
     compose(track.predicted, step, track.predicted)
     compose(track.since_match, raw, track.since_match)
@@ -95,7 +73,7 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, raw: FloatArra
 
 
 @kernel
-def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
+def prediction_variances(track: tr.Track, noise: tr.Noise, out: FloatArray) -> None:
     """Write the variances (3,) of ``Track.predicted`` along its axes.
 
     The uncertainty of the calibration is not included: it is an error of all steps alike, not of this one.
@@ -113,8 +91,8 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
 
 
 @kernel
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
-    """Write the start and the prediction of the newest scan's match.
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray) -> Expectation:
+    """Return start and prediction of the newest scan's match.
 
     Parameters
     ----------
@@ -124,27 +102,24 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
         Of a Noise.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
-    ask_data : (REQUEST_SIZE,) float64
-        Of a Request; written.
 
     Returns
     -------
-    bool
+    long : bool
         Whether the step since the last match was so long that a match may converge to a wrong pose.
+    start, expected, variances, window
+        As of a Request.
     """
-    track, noise, ask = track_of(track_data), noise_of(noise_data), request_of(ask_data)
-    since = track.since_match
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    since, start, expected, variances = track.since_match, np.empty(3), np.empty(3), np.empty(3)
     distance, turn = math.hypot(since[0], since[1]), abs(since[2])
     long = exceeds(since[0], since[1], since[2], LONG_STEP)
     since[:] = 0.0
-    compose(anchor, track.matched, ask.start)
-    compose(anchor, track.predicted, ask.expected)
-    prediction_variances(track, noise, ask.variances)
-    for k in range(3):
-        ask.inverse[k] = 1.0 / ask.variances[k]
-    ask.window[0] = SLIP_FLOOR[0] + SLIP_SHARE * distance
-    ask.window[1] = SLIP_FLOOR[1] + SLIP_SHARE * turn
-    return long
+    compose(anchor, track.matched, start)
+    compose(anchor, track.predicted, expected)
+    prediction_variances(track, noise, variances)
+    window = np.array([SLIP_FLOOR[0] + SLIP_SHARE * distance, SLIP_FLOOR[1] + SLIP_SHARE * turn])
+    return long, start, expected, variances, window
 
 
 @kernel
@@ -169,11 +144,11 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
     """
     x, y, turn = between(expected, row)
     pull = x * x / variances[0] + y * y / variances[1] + turn * turn / variances[2]
-    return row[COST] / DEPENDENT + 0.5 * pull, pull
+    return row[COST] / ik.DEPENDENT + 0.5 * pull, pull
 
 
 @kernel
-def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
+def _restart_from(track: tr.Track, matched: FloatArray, slack: Any) -> None:
     """Predict from now on from the pose ``matched`` with the variances ``slack``."""
     track.jacobian[:] = 0.0
     for k in range(3):
@@ -181,7 +156,7 @@ def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
 
 
 @kernel
-def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
+def _confirm_slip(track: tr.Track, noise: tr.Noise, at_once: bool) -> None:
     """Accept a slip that persists over some distance: a pitching robot looks like a slip for a moment."""
     aside, slip, motion = track.slip_transform, track.slip, track.motion
     matched, predicted = track.matched, track.predicted
@@ -225,22 +200,12 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
     at_once : bool
         Whether a slip is accepted without confirmation.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     track.matched[0], track.matched[1], track.matched[2] = between(anchor, row)
     if slipped:
         _confirm_slip(track, noise, at_once)
     else:
         track.slip[2] = 0.0
-
-
-@kernel
-def restart(track_data: FloatArray) -> None:
-    """Restart at the newest scan, which was processed."""
-    track = track_of(track_data)
-    for k in range(3):
-        track.matched[k] = track.predicted[k] = track.since_match[k] = 0.0
-        track.slack[k] = track.motion[k] = track.slip_transform[k] = track.slip[k] = 0.0
-    track.jacobian[:] = 0.0
 
 
 # ---- the processed scan
@@ -267,20 +232,20 @@ def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatAr
         Written: variances of the predictions, their inverses, and standard deviations for drawing particles. The latter
         do not exceed the user's noise.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     for n in range(anchors.shape[0]):
         compose(anchors[n], track.matched, starts[n])
         compose(anchors[n], track.predicted, predictions[n])
     prediction_variances(track, noise, known[0])
     predicted = track.predicted
-    by_user = user_noise(noise, predicted[0], predicted[1], predicted[2])
+    by_user = user_noise(noise.user, predicted[0], predicted[1], predicted[2])
     for k in range(3):
         known[1, k] = 1.0 / known[0, k]
         known[2, k] = min(math.sqrt(known[0, k]), by_user[k])
 
 
 @kernel
-def _is_odometry_only(track: Track) -> bool:
+def _is_odometry_only(track: tr.Track) -> bool:
     """Whether the prediction was propagated by odometry from the last processed scan itself."""
     return track.slack[0] == 0.0 and track.slack[1] == 0.0 and track.slack[2] == 0.0
 
@@ -308,7 +273,7 @@ def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data:
     bool
         False after a slip, which says nothing about the calibration.
     """
-    track, noise, calibration = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data)
+    track, noise, calibration = tr.track_of(track_data), tr.noise_of(noise_data), tr.calibration_of(calibration_data)
     if not _is_odometry_only(track):
         return False
     own = np.array(odometry_variances(noise, track.motion[0], track.motion[1]))
@@ -332,12 +297,12 @@ def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArr
     row : (13,) float64
         Result row of ``match_kernels``.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
     if not _is_odometry_only(track):
         return
     prior = odometry_variances(noise, track.motion[0], track.motion[1])
     x, y, theta = between(anchor, row)
-    known = fused_covariance(unfold(row), np.array(prior))
+    known = ik.fused_covariance(ik.unfold(row), np.array(prior))
     update_noise_scales(noise, between(track.predicted, (x, y, theta)), (known[0, 0], known[1, 1], known[2, 2]),
                         track.motion[0], track.motion[1])
 
@@ -364,14 +329,14 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
     step_data : (RECORD_SIZE,) float64
         Of a StepRecord, whose information and vector are written.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
-    calibration, step = calibration_of(calibration_data), record_of(step_data)
-    information, told = scan_vector(row, prediction, prior)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    calibration, step = tr.calibration_of(calibration_data), tr.record_of(step_data)
+    information, told = ik.scan_vector(row, prediction, prior)
     own = np.array(odometry_variances(noise, track.motion[0], track.motion[1]))
-    about, vector = observation(information / DEPENDENT, own, told / DEPENDENT)
-    drift(calibration.covariance, track.motion[2], CALIBRATION_PRIOR, CALIBRATION_CHANGE)
+    about, vector = ck.observation(information / ik.DEPENDENT, own, told / ik.DEPENDENT)
+    ck.drift(calibration.covariance, track.motion[2], tr.CALIBRATION_PRIOR, tr.CALIBRATION_CHANGE)
     before, jacobian = calibration.value.copy(), track.jacobian
-    if update(calibration, jacobian, about, vector):
+    if ck.update(calibration, jacobian, about, vector):
         step.information[:] = product(product(jacobian.T, about), jacobian)
         step.vector[:] = transformed(jacobian.T, vector) + transformed(step.information, before)
 
@@ -394,8 +359,8 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
     step_data : (RECORD_SIZE,) float64
         Of a StepRecord; written.
     """
-    track, noise = track_of(track_data), noise_of(noise_data)
-    calibration, step = calibration_of(calibration_data), record_of(step_data)
+    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
+    calibration, step = tr.calibration_of(calibration_data), tr.record_of(step_data)
     step.information[:], step.vector[:], step.derivative[:] = 0.0, 0.0, 0.0
     step.applied[:] = calibration.value
     step.forward[0] = track.motion[2]
@@ -403,4 +368,4 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
         return
     variances = np.empty(3)
     prediction_variances(track, noise, variances)
-    step.derivative[:] = share_of_odometry(scan_information(row, 1.0), variances, track.jacobian)
+    step.derivative[:] = ck.share_of_odometry(ik.scan_information(row, 1.0), variances, track.jacobian)

@@ -81,8 +81,8 @@ class InitialState:
         if not map_file:
             return cls(), config
         saved = read_map(map_file)
-        values = dict(config.as_dict(), delta=saved.resolution)
-        return cls(saved, pose), replace(config, values=tuple(values.items()))
+        values = dict(config.values, delta=saved.resolution)
+        return cls(saved, pose), replace(config, values=values)
 
     def differing(self, given: Collection[str]) -> List[str]:
         """Return messages about parameters (names ``given``) that the state overrides."""

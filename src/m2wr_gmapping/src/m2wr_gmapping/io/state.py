@@ -19,9 +19,9 @@ from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, WINDOW_MOST, FastMatcher
 from m2wr_gmapping.io import state_layout
-from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.tuning import LINKS, MATCHING, ODOMETRY
+from m2wr_maps.occupancy import Occupancy
 from m2wr_maps.se2 import between, compose
 
 if TYPE_CHECKING:
@@ -79,16 +79,15 @@ def snapshot(mapper: Mapper, host: Optional[Mapping[str, Any]] = None) -> Snapsh
     """
     if mapper.filter is None:
         raise StateError("no state to save: no scan has been processed yet")
-    store, occupancy = Store(), mapper._occupancy
-    given = isinstance(occupancy, SavedMapOccupancy)
+    store, ground = Store(), mapper._occupancy.ground
     try:
         state_layout.LASER.take(mapper.laser, "laser", store)
-        if isinstance(occupancy, SavedMapOccupancy):
-            state_layout.GIVEN.take(occupancy.saved, "saved_map", store)
-        state_layout.mapper_part(given).take(mapper, "", store)
+        if ground is not None:
+            state_layout.GIVEN.take(ground, "saved_map", store)
+        state_layout.MAPPER.take(mapper, "", store)
     except KindError as error:
         raise StateError("this mapper cannot be saved: {}".format(error)) from error
-    return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
+    return Snapshot(dict(config=dict(mapper.config.values), host=dict(host or {}), values=store.values), store.arrays)
 
 
 def save(path: str, taken: Snapshot) -> None:
@@ -149,7 +148,7 @@ def _config(values: object, live: Optional[GmappingConfig]) -> Tuple[GmappingCon
     """Return the configuration of a state, and the overridden parameters of the running program."""
     stored, differing = _plain(values, "config", words_only=True), {}
     if live is not None:
-        given = live.as_dict()
+        given = live.values
         differing = {name: "{} {} (asked for {})".format(name, stored[name], given[name]) for name in stored
                      if name not in OWN and name in given and stored[name] != given[name]}
         stored = dict(stored, **{name: given[name] for name in OWN})
@@ -165,15 +164,14 @@ def _mapper(config: GmappingConfig, store: Store) -> Mapper:
     state_layout.check_laser(laser)
     mapper = Mapper(config, laser)
     try:
-        given = any(name.startswith("saved_map.") for name in store.arrays)
-        if given:
+        if any(name.startswith("saved_map.") for name in store.arrays):
             saved = state_layout.GIVEN.give("saved_map", store, {})
             if saved.resolution != config["delta"] or saved.data.size > state_layout.MOST_CELLS:
                 raise KindError("a saved map of {} cells of {} m; expected at most {} of {}".format(
                     saved.data.size, saved.resolution, state_layout.MOST_CELLS, config["delta"]))
-            mapper._occupancy = SavedMapOccupancy(saved, config["occ_thresh"])
+            mapper._occupancy = Occupancy.on(saved, config["occ_thresh"])
         mapper.process(mapper.reading(np.full(len(laser.angles), np.nan)), np.zeros(3), 0.0)
-        state_layout.mapper_part(given).give_to(mapper, "", store)
+        state_layout.MAPPER.give_to(mapper, "", store)
         state_layout.check(mapper)
     except BaseException:
         mapper.close()
@@ -185,7 +183,7 @@ def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: Float
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
     particles = mapper.particles
     found = matcher.search(particles.maps, particles.best, reading, pose, WINDOW_MOST, NO_PRIOR)
-    row = matcher.match_one(particles.maps, particles.best, reading, found, found, 1.0 / np.square(LINKS.prior))
+    row = matcher.match_one(particles.maps, particles.best, reading.beams, found, found, 1.0 / np.square(LINKS.prior))
     return float(row[mk.SCORE]) / reading.beams.shape[1]
 
 

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, Union
 
 import numpy as np
 
 from m2wr_files.state_file import Format
-from m2wr_files.state_store import Kind, KindError
+from m2wr_files.state_store import KindError
 from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
-from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.frontend.view_memory import SECTORS
-from m2wr_gmapping.io.saved_map import MapReading
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
+from m2wr_maps.occupancy_kernels import CELLS as BLOCK
 from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
-FORMAT = Format(name="m2wr_gmapping state", version=12, program="slam_gmapping",
+FORMAT = Format(name="m2wr_gmapping state", version=13, program="slam_gmapping",
                 instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
@@ -34,12 +32,7 @@ NODE = Number(int, 0, below="scans")
 LINK = Group(NODE, NODE, POSE, Array("float64", "3 3"))
 
 
-def _reading(values: Dict[str, Any]) -> Any:
-    kind = ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading
-    return kind.of_parts(**values)
-
-
-READING = ListedRecord(_reading, {
+READING = ListedRecord(lambda values: ScanReading.of_parts(**values), {
     "points": Array("float64", "2 H", -EXTENT, EXTENT),
     "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
     "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
@@ -53,16 +46,15 @@ LASER = Record(lambda values: LaserModel(**values), {
     "base_from_sensor": POSE, "range_min": REAL, "range_max": REAL, "max_range": REAL, "max_urange": REAL})
 GIVEN = Record(lambda values: SavedMap(**values), {
     "data": Array("int8", "H W", -1, 100), "resolution": Number(float, 0.001, 10.0),
-    "origin": Group(Number(float, -EXTENT, EXTENT), Number(float, -EXTENT, EXTENT)), "name": Text(1000)})
+    "origin": Array("float64", "2", -EXTENT, EXTENT), "name": Text(1000)})
 TILES = Part({
     "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
     "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,
     "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
-    ("count", "resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
+    ("resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
 TREE = Part({
     "_parent": Array("int64", "M", -1), "_pose": Array("float64", "M 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
-    "_serial": Array("int64", "M", 0), "leaves": Array("int64", "particles", 0, below="M"), "next_serial": COUNT,
-    "depth": COUNT}, ("_children", "_free", "_counters"))
+    "leaves": Array("int64", "particles", 0, below="M"), "depth": COUNT}, ("_used",))
 FILTER = Part({
     "poses": Array("float64", "particles 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
     "log_weights": Array("float64", "particles"), "weight_sums": Array("float64", "particles"),
@@ -70,13 +62,10 @@ FILTER = Part({
     "_rng_resample": Generator(), "resamplings": COUNT, "maps": TILES, "tree": TREE},
     ("_least", "_most", "_matcher", "_noise", "_gain", "_resample_below"))
 OCCUPANCY = Part({
-    "hits": Array("int32", "B %d" % BLOCK, 0), "visits": Array("int32", "B %d" % BLOCK, 0),
-    "values": Array("int8", "B %d" % BLOCK), "changed": Array("bool", "B"),
-    "_table": Array("int32", "R C", -1, below="B"),
+    "_counts": Array("int32", "B %d 2" % BLOCK, 0), "_table": Array("int32", "R C", -1, below="B"),
     "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),
     "_poses": Array("float64", "P 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY), "beyond": YES, "traced": COUNT},
-    ("_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
-GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
+    ("ground", "_resolution", "_threshold", "_most_cells", "_used"))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
     "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(Group(NODE, Array("bool", "3"))),
@@ -94,7 +83,7 @@ LOOPS = Part({
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
-    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "_ask", "is_unexplained", "agrees", "_rival"))
+    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "is_unexplained", "agrees", "_rival"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
@@ -104,17 +93,12 @@ STANDSTILL = Part({
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
-_MAPPER: Dict[str, Union[Kind, Part]] = {
+MAPPER = Part({
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
-    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL}
-_MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
-
-
-def mapper_part(given: bool) -> Part:
-    """Return the Part of a mapper; ``given``: whether it started on a saved map."""
-    return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
+    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL, "_occupancy": OCCUPANCY},
+    ("config", "laser", "_workers", "_plain", "_matcher", "_dense"))
 
 
 def check_laser(laser: LaserModel) -> None:

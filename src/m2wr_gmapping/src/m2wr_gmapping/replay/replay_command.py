@@ -40,9 +40,9 @@ from m2wr_node.numbers import number
 if TYPE_CHECKING:
     from sensor_msgs.msg import LaserScan
 
-    from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.mapper import Mapper
     from m2wr_gmapping.ros.replay_node import ReplayNode
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_maps.transforms import Transform
     from m2wr_node.array_types import FloatArray
 
@@ -154,7 +154,7 @@ class Replay:
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
                                  options.max_duration_buffer, config["map_frame"])
         self.mapper: Optional[Mapper] = None
-        self.grid: Optional[Grid] = None
+        self.grid: Optional[SavedMap] = None
         self.online: List[Tuple[float, FloatArray]] = []        # stamp [s], pose of the base
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
         self.stopped = False

@@ -124,8 +124,8 @@ def read_ranges(config: GmappingConfig) -> GmappingConfig:
     except (OSError, rospy.ROSException, ConfigError) as error:
         rospy.logwarn("%s are taken as at the start: %s", " and ".join(AT_FIRST_SCAN), error)
         return config
-    values = dict(config.as_dict(), **{name: now[name] for name in AT_FIRST_SCAN})
-    return replace(config, values=tuple(values.items()))
+    values = dict(config.values, **{name: now[name] for name in AT_FIRST_SCAN})
+    return replace(config, values=values)
 
 
 def tf_prefix() -> str:
@@ -146,14 +146,14 @@ def with_prefix(config: GmappingConfig, prefix: str) -> GmappingConfig:
     prefix : str
         Without slashes at its ends; empty: none.
     """
-    values = config.as_dict()
+    values = dict(config.values)
     for name in ("base_frame", "odom_frame", "map_frame"):
         value = values[name]
         if value.startswith("/") or not prefix or value.startswith(prefix + "/"):
             values[name] = frame(value)
         else:
             values[name] = "{}/{}".format(prefix, value)
-    return replace(config, values=tuple(values.items()))
+    return replace(config, values=values)
 
 
 def save_on_exit_warnings(name: str) -> List[str]:

@@ -15,9 +15,8 @@ from nav_msgs.srv import GetMap
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.filter.pose_covariance import covariance
-from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.replay.run_statistics import peak_memory_mib
+from m2wr_gmapping.ros.pose_covariance import covariance, normalise
 from m2wr_maps.ros.message_conversion import (
     ArrayMapAnswer,
     covariance36,
@@ -35,10 +34,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from m2wr_gmapping.config import GmappingConfig
-    from m2wr_gmapping.filter.occupancy import Grid
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.mapper import Mapper, Update
     from m2wr_maps.ros.message_conversion import ArrayGrid
+    from m2wr_maps.saved_map import SavedMap
     from m2wr_node.array_types import FloatArray
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
@@ -59,12 +58,12 @@ class MapTopics:
         self._newest: Optional[ArrayGrid] = None
         self._service = rospy.Service("dynamic_map", GetMap, self._answer)
 
-    def publish(self, grid: Grid, entropy: float) -> ArrayGrid:
+    def publish(self, grid: SavedMap, entropy: float) -> ArrayGrid:
         """Publish a map.
 
         Parameters
         ----------
-        grid : Grid
+        grid : SavedMap
         entropy : float
             Entropy of the particles' weights; published if it is above 0.
 

@@ -43,9 +43,9 @@ def changed(config: GmappingConfig, values: Mapping[str, Any]) -> GmappingConfig
     values : mapping of str to number
         Public name -> new value; other names are ignored.
     """
-    merged = config.as_dict()
+    merged = dict(config.values)
     merged.update((name, type(merged[name])(values[name])) for name in CHANGEABLE if name in values)
-    return replace(config, values=tuple(merged.items()))
+    return replace(config, values=merged)
 
 
 def make_reconfigure(config: GmappingConfig, take: Callable[[Mapping[str, Any]], object]) -> Any:

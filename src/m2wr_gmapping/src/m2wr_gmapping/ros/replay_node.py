@@ -16,7 +16,7 @@ from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.filter.occupancy import Grid
+    from m2wr_maps.saved_map import SavedMap
 
 NAME = "slam_gmapping"
 
@@ -42,12 +42,12 @@ class ReplayNode:
         own = set(NODE_PARAMETERS) - {"settle_time"}
         return {name: value for name, value in private_parameters().items() if name not in own}
 
-    def show(self, grid: Grid, entropy: float, frame: str) -> None:
+    def show(self, grid: SavedMap, entropy: float, frame: str) -> None:
         """Publish a map, and return it in answers of the service.
 
         Parameters
         ----------
-        grid : Grid
+        grid : SavedMap
         entropy : float
             Entropy of the particles' weights.
         frame : str

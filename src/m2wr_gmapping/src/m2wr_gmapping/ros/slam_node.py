@@ -19,12 +19,12 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_files.safe_paths import OutsideError, confined
 from m2wr_gmapping.config import ConfigError
-from m2wr_gmapping.frontend.mount_check import MountCheck
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import state
 from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass
+from m2wr_gmapping.ros.mount_check import MountCheck
 from m2wr_gmapping.ros.node_parameters import (
     check_frames,
     private_parameters,
@@ -416,7 +416,7 @@ def main() -> int:
         return 1
     for warning in warnings:
         rospy.logwarn("%s", warning)
-    rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in prepared[0].as_dict().items()))
+    rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in prepared[0].values.items()))
     compile_kernels()
     node = SlamNode(*prepared)
     rospy.loginfo("ready, listening to %s", rospy.resolve_name("scan"))

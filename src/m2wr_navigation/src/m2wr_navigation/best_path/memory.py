@@ -233,7 +233,7 @@ def _load_map(memory: Memory, keep_damaged: bool) -> None:
     except MapReadingError as error:
         _set_aside(path, error, keep_damaged)
         return
-    memory.cells, memory.resolution, memory.origin = found.data, found.resolution, found.origin
+    memory.cells, memory.resolution, memory.origin = found.data, found.resolution, tuple(found.origin.tolist())
 
 
 def _set_aside(path: str, error: Exception, keep: bool) -> None:

@@ -5,12 +5,8 @@ Array layouts
 -------------
 ``table`` (H, W) int32
     Block of counts at each place of 32 x 32 cells, -1 if there are no counts yet.
-``hits``, ``visits`` (B, 1024) uint16 or uint32
-    Counts of the cells of each block, row by row.
-``values`` (B, 1024) int8
-    Occupancy of the cells at the last call of ``read_out``.
-``changed`` (B,) bool
-    Blocks whose counts have changed since then.
+``counts`` (B, 1024, 2) uint16 or uint32
+    Hits and visits of the cells of each block, row by row.
 ``used`` (2,) int64
     Number of blocks in use, the blocks behind them are spare; greatest number of visits so far.
 """
@@ -33,12 +29,12 @@ if TYPE_CHECKING:
     )
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+HITS, VISITS = 0, 1
 SHIFT, MASK, SIDE, CELLS = 5, 31, 32, 1024
 
 
 @kernel
-def _block_at(ty: int, tx: int, table: Int32Array, hits: CountArray, visits: CountArray, values: Int8Array,
-              used: IndexArray) -> int:
+def _block_at(ty: int, tx: int, table: Int32Array, counts: CountArray, used: IndexArray) -> int:
     """Return the block at a place; an empty spare block if there was none."""
     block = table[ty, tx]
     if block < 0:
@@ -46,15 +42,14 @@ def _block_at(ty: int, tx: int, table: Int32Array, hits: CountArray, visits: Cou
         used[0] += 1
         table[ty, tx] = block
         for cell in range(CELLS):
-            hits[block, cell] = 0
-            visits[block, cell] = 0
-            values[block, cell] = UNKNOWN
+            counts[block, cell, HITS] = 0
+            counts[block, cell, VISITS] = 0
     return block
 
 
 @kernel
-def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array, hits: CountArray,
-           visits: CountArray, values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
+def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array,
+           counts: CountArray, used: IndexArray) -> int:
     """Add ``sign`` to the visits of all cells on the line from (x0, y0) to (x1, y1) except the last one.
 
     The line is an integer line, drawn from the end with the smaller x, or the smaller y if it is steep. With ``hit``
@@ -83,13 +78,12 @@ def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int3
             if x >= 0 and y >= 0 and x < columns and y < rows:
                 if x >> SHIFT != place_x or y >> SHIFT != place_y:
                     place_x, place_y = x >> SHIFT, y >> SHIFT
-                    block = _block_at(place_y, place_x, table, hits, visits, values, used)
-                    changed[block] = True
+                    block = _block_at(place_y, place_x, table, counts, used)
                 cell = ((y & MASK) << SHIFT) | (x & MASK)
-                visits[block, cell] += sign
-                greatest = max(greatest, visits[block, cell])
+                counts[block, cell, VISITS] += sign
+                greatest = max(greatest, counts[block, cell, VISITS])
                 if a == last_a:
-                    hits[block, cell] += sign
+                    counts[block, cell, HITS] += sign
         if d > 0:
             b += rise
             d += 2 * (db - da)
@@ -100,8 +94,8 @@ def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int3
 
 @kernel
 def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: int, anchor: FloatArray,
-             per_metre: float, shift: IndexArray, sign: int, limit: int, table: Int32Array, hits: CountArray,
-             visits: CountArray, values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
+             per_metre: float, shift: IndexArray, sign: int, limit: int, table: Int32Array, counts: CountArray,
+             used: IndexArray) -> int:
     """Add or remove a scan, starting with beam ``first``.
 
     Parameters
@@ -125,17 +119,11 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
     limit : int
         Greatest count that fits into the arrays.
     table : (H, W) int32
-        Block at each place of 32 x 32 cells, -1 for none.
-    hits : (B, 1024) uint16 or uint32
-        Counts of the cells of each block.
-    visits : (B, 1024) uint16 or uint32
-        Counts of the cells of each block.
-    values : (B, 1024) int8
-        Occupancy of the cells.
-    changed : (B,) bool
-        Blocks with changed counts.
+        See the module.
+    counts : (B, 1024, 2) uint16 or uint32
+        See the module.
     used : (2,) int64
-        Number of blocks in use, greatest number of visits.
+        See the module.
 
     Returns
     -------
@@ -152,53 +140,37 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
         y1 = int(math.floor((wy - anchor[1]) * per_metre + 0.5)) + shift[1]
         # greatest number of blocks that the line crosses
         most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3
-        if used[0] + min(most, table.size - used[0]) > changed.shape[0]:
+        if used[0] + min(most, table.size - used[0]) > counts.shape[0]:
             return k
-        used[1] = max(used[1], _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used))
+        used[1] = max(used[1], _trace(x0, y0, x1, y1, sign, ray_hits[k], table, counts, used))
         if used[1] >= limit:
             return k + 1
     return rays.shape[1]
 
 
 @kernel
-def read_out(threshold: float, table: Int32Array, hits: CountArray, visits: CountArray, values: Int8Array,
-             changed: BoolArray, used: IndexArray, grid: Int8Array) -> None:
-    """Update ``values`` from the counts, and write them into a grid.
+def read_out(threshold: float, table: Int32Array, counts: CountArray, grid: Int8Array) -> None:
+    """Write the occupancy of all cells with counts into a grid.
 
     Parameters
     ----------
     threshold : float
         A cell is occupied if hits / visits is greater.
     table : (H, W) int32
-        Block at each place of 32 x 32 cells, -1 for none.
-    hits : (B, 1024) uint16 or uint32
-        Counts of the cells of each block.
-    visits : (B, 1024) uint16 or uint32
-        Counts of the cells of each block.
-    values : (B, 1024) int8
-        Occupancy of the cells.
-    changed : (B,) bool
-        Blocks with changed counts.
-    used : (2,) int64
-        As for ``add_scan``.
+        See the module.
+    counts : (B, 1024, 2) uint16 or uint32
+        See the module.
     grid : (32 H, 32 W) int8
         Written where there are blocks.
     """
-    for block in range(used[0]):
-        if not changed[block]:
-            continue
-        changed[block] = False
-        for cell in range(CELLS):
-            if visits[block, cell] == 0:
-                values[block, cell] = UNKNOWN
-            elif hits[block, cell] / visits[block, cell] > threshold:
-                values[block, cell] = OCCUPIED
-            else:
-                values[block, cell] = FREE
     for ty in range(table.shape[0]):
         for tx in range(table.shape[1]):
             block = table[ty, tx]
             if block < 0:
                 continue
-            for cell in range(CELLS):
-                grid[(ty << SHIFT) + (cell >> SHIFT), (tx << SHIFT) + (cell & MASK)] = values[block, cell]
+            for row in range(SIDE):             # without branches and with plain indices: vectorised
+                for column in range(SIDE):
+                    cell = (row << SHIFT) | column
+                    hits, visits = counts[block, cell, HITS], counts[block, cell, VISITS]
+                    seen = OCCUPIED if hits / visits > threshold else FREE
+                    grid[(ty << SHIFT) + row, (tx << SHIFT) + column] = UNKNOWN if visits == 0 else seen

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Threads that run a kernel on ranges of particles."""
+"""Threads that share the items of a computation, such as the particles of a filter."""
 from __future__ import annotations
 
 import os
@@ -14,7 +14,7 @@ if TYPE_CHECKING:                   # Python 3.8 has no queue.SimpleQueue[...]
 PIECES = 4      # per thread; small pieces keep the waiting time for a thread on a busy core short
 
 
-class Workers:
+class ThreadTeam:
     """A fixed number of threads. Results do not depend on the number.
 
     A piece of work takes tenths of a millisecond, so it is passed by queues only. A pool of the standard library

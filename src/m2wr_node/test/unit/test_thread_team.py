@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Threads that share the particles."""
+"""Threads that share the items of a computation."""
 import queue
 import threading
 
 import pytest
 
-from m2wr_gmapping.workers import Workers
+from m2wr_node.thread_team import ThreadTeam
 
 
 @pytest.mark.parametrize("threads, count", [(1, 7), (2, 7), (3, 100), (4, 1)])
-def test_every_particle_is_processed_once(threads, count):
-    done, workers = [], Workers(threads)
+def test_every_item_is_processed_once(threads, count):
+    done, workers = [], ThreadTeam(threads)
     workers.run(lambda first, last: done.extend(range(first, last)), count)
     assert sorted(done) == list(range(count))
     workers.close()
 
 
 def test_exception_in_a_worker_is_re_raised():
-    workers, done = Workers(2), []
+    workers, done = ThreadTeam(2), []
     with pytest.raises(ZeroDivisionError):
         workers.run(lambda first, last: 1 // 0, 50)
 
@@ -36,7 +36,7 @@ def test_exception_in_a_worker_is_re_raised():
 
 
 def test_threads_end_with_their_owner():
-    workers = Workers(3)
+    workers = ThreadTeam(3)
     workers.run(lambda first, last: None, 50)
     helpers = list(workers._helpers)
     del workers
@@ -46,7 +46,7 @@ def test_threads_end_with_their_owner():
 
 
 def test_busy_helper_is_not_waited_for():
-    workers, done, begun, resume, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
+    workers, done, begun, resume, left = ThreadTeam(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
 
     def busy():             # blocks the helper
         begun.set()

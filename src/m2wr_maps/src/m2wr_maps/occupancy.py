@@ -3,42 +3,34 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_scan, read_out
+from m2wr_maps.occupancy_kernels import CELLS, HITS, OCCUPIED, SIDE, UNKNOWN, VISITS, add_scan, read_out
+from m2wr_maps.saved_map import SavedMap
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray, Int8Array
+    from m2wr_node.array_types import BoolArray, CountArray, Float32Array, FloatArray, Int8Array
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
+SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 GROWTH = 10.0           # a crossed side moves this far beyond the end point [m]
 
 
-@dataclass(frozen=True)
-class Grid:
-    """An occupancy grid.
+class Scan(Protocol):
+    """What is counted of a scan."""
 
-    Attributes
-    ----------
-    data : (H, W) int8
-        -1 unknown, 0 free, 100 occupied; row 0 is the lowest y.
-    resolution : float
-        Cell size [m].
-    origin : (2,) float64
-        Centre of cell (0, 0) in ``map`` [m].
-    """
+    @property
+    def rays(self) -> Float32Array:
+        """Ends (2, S) of the beams that clear space [m, laser frame]."""
 
-    data: Int8Array
-    resolution: float
-    origin: FloatArray
+    @property
+    def ray_hits(self) -> BoolArray:
+        """Whether each of them (S,) marks its end as occupied."""
 
 
 class Occupancy:
@@ -56,10 +48,13 @@ class Occupancy:
         A cell is occupied if hits / visits is greater.
     most_cells : int, optional
         Greatest size of the grid; beams that leave it are cut.
+    ground : SavedMap, optional
+        Its cells have initial counts.
     """
 
     def __init__(self, limits: Sequence[float], resolution: float, threshold: float,
-                 most_cells: int = 100000000) -> None:
+                 most_cells: int = 100000000, ground: Optional[SavedMap] = None) -> None:
+        self.ground = ground
         self._resolution, self._threshold, self._most_cells = resolution, threshold, most_cells
         xmin, ymin, xmax, ymax = limits
         columns, rows = (max(1, math.ceil(span / resolution) // PATCH) for span in (xmax - xmin, ymax - ymin))
@@ -68,49 +63,76 @@ class Occupancy:
         self._shift = np.zeros(2, np.int64)             # its column and row
         self._table = np.full((rows, columns), -1, np.int32)
         self._used = np.zeros(2, np.int64)              # blocks, greatest number of visits
-        self._blocks: Dict[str, NDArray[Any]] = dict(
-            hits=np.empty((FIRST_BLOCKS, CELLS), np.uint16), visits=np.empty((FIRST_BLOCKS, CELLS), np.uint16),
-            values=np.empty((FIRST_BLOCKS, CELLS), np.int8), changed=np.zeros(FIRST_BLOCKS, bool))
+        self._counts: CountArray = np.empty((FIRST_BLOCKS, CELLS, 2), np.uint16)
         self._poses = np.zeros((0, 3))  # poses at which the scans were counted
         self.beyond = False             # whether a scan did not fit
         self.traced = 0                 # number of scans added or removed so far
         self._empty()
 
+    @classmethod
+    def on(cls, ground: SavedMap, threshold: float) -> Occupancy:
+        """Return a grid that begins with a saved map, and with its extent.
+
+        Parameters
+        ----------
+        ground : SavedMap
+        threshold : float
+            See the class.
+        """
+        rows, columns = ground.data.shape
+        x, y = ground.origin
+        # whole patches, and a thousandth of a cell more, so that rounding does not remove one
+        reach = ground.resolution * (PATCH * np.ceil(np.array([columns, rows]) / PATCH) + 1e-3)
+        return cls((x, y, x + reach[0], y + reach[1]), ground.resolution, threshold, ground=ground)
+
     def _empty(self) -> None:
-        """Clear all counts; the extent stays."""
+        """Set all counts to those of the saved map, or to zero; the extent stays."""
         self._table[:], self._used[:] = -1, 0
-        self._blocks["changed"][:] = False
+        if self.ground is not None:
+            self._write(self.ground.data)
+
+    def _write(self, data: Int8Array) -> None:
+        """Set the empty counts to those of the saved map."""
+        whole = np.pad(data, [(0, -cells % PATCH) for cells in data.shape], constant_values=UNKNOWN)
+        height, width = whole.shape[0] // PATCH, whole.shape[1] // PATCH
+        patches = whole.reshape(height, PATCH, width, PATCH).swapaxes(1, 2).reshape(height, width, CELLS)
+        rows, columns = np.nonzero((patches != UNKNOWN).any(axis=2))
+        known, count = patches[rows, columns], len(rows)
+        if count > len(self._counts):
+            self._more_blocks(count)
+        column, row = self._shift // PATCH          # first patch of the saved map
+        self._table[row + rows, column + columns] = np.arange(count)
+        self._used[0] = count
+        self._counts[:count, :, HITS] = SURE_VISITS * (known == OCCUPIED)
+        self._counts[:count, :, VISITS] = SURE_VISITS * (known != UNKNOWN)
 
     def _more_blocks(self, least: int = 1) -> None:
-        old = len(self._blocks["changed"])
-        new = old + max(old // 4, FIRST_BLOCKS, least)
-        for array in self._blocks.values():
-            array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
+        old = len(self._counts)
+        # in place, without a second copy
+        self._counts.resize((old + max(old // 4, FIRST_BLOCKS, least), CELLS, 2), refcheck=False)
 
     def use_large_counts(self) -> None:
         """Use counts of four bytes instead of two; few maps need them. Each beam adds one to its first cell."""
-        for name in ("hits", "visits"):
-            self._blocks[name] = self._blocks[name].astype(np.uint32)
+        self._counts = self._counts.astype(np.uint32)
 
-    def update(self, path: ArrayLike, readings: Sequence[ScanReading], exact: bool = False) -> None:
+    def update(self, path: ArrayLike, readings: Sequence[Scan], same: ArrayLike = 0.0) -> None:
         """Update the counts to a path and its readings.
 
-        Scans with an unchanged pose are not traced again, nor, unless ``exact``, those with a small change: the best
-        particle alternates between paths that differ by millimetres. ``readings`` may only grow between calls.
+        Scans with an unchanged pose are not traced again, nor those with a change that counts as none.
+        ``readings`` may only grow between calls.
 
         Parameters
         ----------
         path : (K, 3) float64
             Poses of the laser in ``map`` [m, m, rad].
-        readings : sequence of K ScanReading
+        readings : sequence of K Scan
             Scans of the path's nodes.
-        exact : bool
-            Whether scans that moved by less than the error of a step are traced again.
+        same : (3,) float, optional
+            Greatest change of a pose that counts as none [m, m, rad].
         """
         nodes = np.asarray(path, float)
         known = min(len(self._poses), len(nodes))
-        limit = 0.0 if exact else np.array(tuning.PARTICLES.same)
-        kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
+        kept = (np.abs(nodes[:known] - self._poses[:known]) <= same).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map
             self._empty()
@@ -124,14 +146,13 @@ class Occupancy:
         poses[:known][kept[:known]] = self._poses[:known][kept[:known]]
         self._poses = poses
 
-    def _count(self, pose: FloatArray, reading: ScanReading, sign: int) -> None:
+    def _count(self, pose: FloatArray, reading: Scan, sign: int) -> None:
         self.traced += 1
-        blocks, done = self._blocks, 0
+        done = 0
         while True:
-            limit = int(np.iinfo(blocks["visits"].dtype).max)
+            limit = int(np.iinfo(self._counts.dtype).max)
             done = add_scan(pose, reading.rays, reading.ray_hits, done, self._anchor, 1.0 / self._resolution,
-                            self._shift, sign, limit, self._table, blocks["hits"], blocks["visits"], blocks["values"],
-                            blocks["changed"], self._used)
+                            self._shift, sign, limit, self._table, self._counts, self._used)
             if self._used[1] >= limit:
                 self.use_large_counts()
             elif done < reading.rays.shape[1]:
@@ -139,7 +160,7 @@ class Occupancy:
             if done >= reading.rays.shape[1]:
                 return
 
-    def _cover(self, pose: FloatArray, reading: ScanReading) -> None:
+    def _cover(self, pose: FloatArray, reading: Scan) -> None:
         """Grow the grid so that a scan fits, in the same steps as gmapping."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         x = pose[0] + c * reading.rays[0] - s * reading.rays[1]
@@ -171,22 +192,20 @@ class Occupancy:
         with np.errstate(over="ignore"):
             return bool((spans / self._resolution + PATCH).prod() <= self._most_cells)
 
-    def grid(self, old: Optional[Grid] = None) -> Grid:
+    def grid(self, old: Optional[SavedMap] = None) -> SavedMap:
         """Return the map of all counts.
 
         Parameters
         ----------
-        old : Grid, optional
+        old : SavedMap, optional
             A map that is no longer needed: its memory is used again.
         """
         data = np.empty(self.bounds, np.int8) if old is None else old.data
         if data.shape != self.bounds:
             data.resize(self.bounds, refcheck=False)        # in place, without a second map
         data.fill(UNKNOWN)
-        blocks = self._blocks
-        read_out(self._threshold, self._table, blocks["hits"], blocks["visits"], blocks["values"], blocks["changed"],
-                 self._used, data)
-        return Grid(data, self._resolution, self._origin)
+        read_out(self._threshold, self._table, self._counts, data)
+        return SavedMap(data, self._resolution, self._origin)
 
     @property
     def _origin(self) -> FloatArray:
@@ -201,20 +220,14 @@ class Occupancy:
 
     def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored, with the blocks in use only."""
-        count = int(self._used[0])
-        blocks = {name: array[:count] for name, array in self._blocks.items()}
-        blocks.update(hits=blocks["hits"].astype(np.int32), visits=blocks["visits"].astype(np.int32))
-        return dict(blocks, _anchor=self._anchor, _shift=self._shift, _table=self._table, _poses=self._poses,
-                    beyond=self.beyond, traced=self.traced)
+        return dict(vars(self), _counts=self._counts[:self._used[0]].astype(np.int32))
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the grid is too large."""
-        stored = dict(stored)
         if stored["_table"].size * CELLS > max(self._most_cells, self._table.size * CELLS) or not stored["_table"].size:
             raise ValueError("a grid of {} x {} patches; expected some, with at most {} cells".format(
                 *stored["_table"].shape, self._most_cells))
-        self._blocks = blocks = {name: stored.pop(name) for name in self._blocks}   # own their memory: resizable
-        self._used = np.array([len(blocks["changed"]), blocks["visits"].max(initial=0)])
-        fitting = np.uint16 if self._used[1] < np.iinfo(np.uint16).max else np.uint32
-        blocks.update(hits=blocks["hits"].astype(fitting), visits=blocks["visits"].astype(fitting))
         self.__dict__.update(stored)
+        self._used = np.array([len(self._counts), self._counts[..., VISITS].max(initial=0)])
+        is_small = self._used[1] < np.iinfo(np.uint16).max      # copies own their memory: resizable
+        self._counts = self._counts.astype(np.uint16) if is_small else self._counts.astype(np.uint32)

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.filter.occupancy import Occupancy
-from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_maps.occupancy import Occupancy
 
 
 class Reading:
@@ -75,7 +74,7 @@ def test_incremental_map_equals_a_new_map():
     for count in (1, 2, 10, 11, 25, 30):
         for k in rng.choice(count, min(3, count), replace=False):
             path[k, :2] += rng.normal(0.0, 0.2, 2)              # poses of the past change, a few at a time
-        kept.update(path[:count], readings[:count], exact=True)
+        kept.update(path[:count], readings[:count])
         grid = kept.grid()
         rebuilt = Occupancy((-6.4, -6.4, 6.4, 6.4), 0.1, 0.25)
         rebuilt.update(path[:count], readings[:count])
@@ -90,9 +89,9 @@ def test_unchanged_scans_are_not_traced_again():
     made.update(path, readings)
     assert made.traced == 20
     nudged = path + [0.002, 0.0, 0.0]
-    made.update(nudged, readings)
+    made.update(nudged, readings, (0.005, 0.005, 0.005))
     assert made.traced == 20
-    made.update(nudged, readings, exact=True)
+    made.update(nudged, readings)
     assert made.traced > 20
 
 
@@ -158,11 +157,11 @@ def test_counts_are_removed_exactly_after_growth():
     path = np.column_stack([0.025 * rng.integers(-40, 40, (30, 2)), np.zeros(30)])
     readings = [Reading(0.025 * rng.integers(-20 * k, 20 * k + 1, (2, 40))) for k in range(1, 31)]
     for count in range(1, 31):
-        made.update(path[:count], readings[:count], exact=True)
+        made.update(path[:count], readings[:count])
     assert made.bounds[0] > 500                  # it has grown several times
     moved = path + [0.5, 0.0, 0.0]
     for k in range(30):                         # one after the other, so that none starts from an empty map
-        made.update(np.concatenate([moved[:k + 1], path[k + 1:]]), readings, exact=True)
+        made.update(np.concatenate([moved[:k + 1], path[k + 1:]]), readings)
     grid, rebuilt = made.grid(), Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
     rebuilt.update(moved, readings)
     fresh = rebuilt.grid()
@@ -178,21 +177,21 @@ def test_counts_may_exceed_two_bytes():
     wall, beyond = (Reading(np.vstack([np.full(5000, x), np.zeros(5000)])) for x in (1.0, 1.5))
     readings = [wall] * 6 + [beyond] * 14
     made.update(np.zeros((14, 3)), readings[:14])
-    assert made.compact()["visits"].max() == 70000
+    assert made.compact()["_counts"][..., 1].max() == 70000
     for count in (17, 20):
         made.update(np.zeros((count, 3)), readings[:count])
         found = made.grid()
         column, row = np.rint((np.array([1.0, 0.0]) - found.origin) / 0.1).astype(int)
         assert found.data[row, column:column + 6].tolist() == [100, 0, 0, 0, 0, 100]
-    made.update(np.vstack([np.ones((9, 3)), np.zeros((11, 3))]), readings, exact=True)
-    assert made.compact()["visits"].max() == 55000
+    made.update(np.vstack([np.ones((9, 3)), np.zeros((11, 3))]), readings)
+    assert made.compact()["_counts"][..., 1].max() == 55000
 
 
 def test_memory_depends_on_the_observed_area():
     made = Occupancy((-200.0, -200.0, 200.0, 200.0), 0.05, 0.25)
     made.update(np.array([[-190.0, -190.0, 0.0], [190.0, 190.0, 0.0]]), [Reading([[1.0], [0.0]])] * 2)
     assert made.bounds == (8000, 8000) and (made.grid().data == 100).sum() == 2
-    assert sum(array.nbytes for array in made._blocks.values()) < 1e6
+    assert made._counts.nbytes < 1e6
 
 
 @pytest.mark.parametrize("far", [1e5, 1e12, 1e200])
@@ -202,13 +201,12 @@ def test_absurd_coordinates_cost_no_time_or_memory(far):
     made.update(np.array([[0.0, 0.0, 0.0], [far, far, 0.0], [0.5, 0.0, 0.0]]), [near, near, near])
     assert made.beyond and made.bounds == (192, 192) and (made.grid().data == 100).sum() == 2
     made.update(np.zeros((4, 3)), [near] * 3 + [Reading([[min(far, 1e5)], [0.0]])])
-    assert made.bounds == (192, 192) and len(made._blocks["changed"]) < 200
+    assert made.bounds == (192, 192) and len(made._counts) < 200
 
 
 def test_origin_is_the_centre_of_the_first_cell():
-    laser = LaserModel.from_message(0.0, 0.0, 0.1, 1, 0.1, 10.0)
     grid = Occupancy((-1.0, -1.0, 5.4, 5.4), 0.1, 0.25)
-    grid.update(np.zeros((1, 3)), [laser.reading([2.04])])
+    grid.update(np.zeros((1, 3)), [Reading([[2.04], [0.0]])])
     found = grid.grid()
     row, column = np.argwhere(found.data == 100)[0]
     assert found.origin.tolist() == [-1.0, -1.0]
