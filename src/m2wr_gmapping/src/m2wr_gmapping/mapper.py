@@ -72,6 +72,23 @@ def is_usable(odom_pose: FloatArray, stamp: float) -> bool:
     return bool((np.abs(odom_pose) < FARTHEST_ODOMETRY).all()) and math.isfinite(stamp)
 
 
+def continued_turn(turn: float, expected: float) -> float:
+    """Return the rotation of a step: more than half a turn if the robot went on turning as before.
+
+    The difference of two headings does not tell a rotation from one of a full turn more or less. That matters if
+    odometry has a wrong scale.
+
+    Parameters
+    ----------
+    turn : float
+        Difference of the headings [rad].
+    expected : float
+        Rotation if the robot turned as fast as in the step before [rad].
+    """
+    is_opposite = turn * expected < 0.0 and min(abs(turn), abs(expected)) > 0.5 * math.pi
+    return turn + math.copysign(2.0 * math.pi, expected) if is_opposite else turn
+
+
 class Mapper:
     """A particle filter over grid maps, fed one scan at a time.
 
@@ -111,6 +128,7 @@ class Mapper:
         self._occupancy = Occupancy([config[name] for name in ("xmin", "ymin", "xmax", "ymax")], config["delta"],
                                     config["occ_thresh"])
         self.given = 0                  # nodes of the path that are not scans: 1 with a saved map
+        self._stamp = self._rate = 0.0      # time of the newest scan [s], and the robot's rate of rotation then [rad/s]
         # (stamp, index of the processed scan before, pose relative to it)
         self._between: List[Tuple[float, int, FloatArray]] = []
 
@@ -167,7 +185,10 @@ class Mapper:
         if particles is None:
             return self._first(reading, odom, stamp)
         tracker, tracked, step = self._tracker, False, between(self._odom, odom)
-        self._odom = odom
+        step[2] = continued_turn(float(step[2]), self._rate * (stamp - self._stamp))
+        if stamp > self._stamp:
+            self._rate = float(step[2]) / (stamp - self._stamp)
+        self._odom, self._stamp = odom, stamp
         self._gaps.add(stamp)
         self._standstill.add(stamp, step)
         if tracker is None:
@@ -240,7 +261,7 @@ class Mapper:
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
         self._occupancy = Occupancy.on(saved, self.config["occ_thresh"])
-        self._odom = odom
+        self._odom, self._stamp = odom, stamp
         self._remember(ground, stamp)
         self._distance = np.inf         # makes the first scan due
         if self._tracker is not None:

@@ -83,7 +83,8 @@ LOOPS = Part({
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
-    "_share": Number(float, 0.0)}, ("_matcher", "_dense", "_view", "is_unexplained", "agrees", "_rival"))
+    "_share": Number(float, 0.0)},
+    ("_matcher", "_dense", "_view", "is_unexplained", "agrees", "_rival", "_waits"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
@@ -96,7 +97,8 @@ LEVEL = Part({
 MAPPER = Part({
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
-    "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
+    "_last_processed": REAL, "_stamp": REAL, "_rate": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL,
+    "_loops": LOOPS,
     "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL, "_occupancy": OCCUPANCY},
     ("config", "laser", "_workers", "_plain", "_matcher", "_dense"))
 
