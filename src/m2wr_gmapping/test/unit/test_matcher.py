@@ -110,26 +110,64 @@ def test_a_scan_of_an_unknown_area_is_no_turn(conflict, found):
     assert slip == found and row[:3] == pytest.approx([5.0, 5.0, 0.0])
 
 
-def test_evidence_of_consecutive_scans_for_a_slip_adds_up():
-    """37 beams are not enough for a slip of 15 degrees; two such scans are, if they agree on it."""
+@pytest.fixture
+def followed():
+    """Function: what 37 beams tell, scan after scan, for rotations (told, true) of the robot on the spot."""
     matcher, maps, _ = corridor(3.0, 1)
-    true = -math.radians(15.0)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 36, 37, 0.05, 20.0, max_urange=6.0)
-    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+
+    def follow(conflict, *turns):
+        rival, before, found = None, 0.0, []
+        for told, true in turns:
+            expected = np.array([0.0, 0.0, told])
+            ask = Request(expected, expected, np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+            rival, before = rival and rival.moved([0.0, 0.0, told - before]), told
+            row, slip, rival = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, 1.0, conflict, STILL,
+                                             rival)
+            found.append((slip, round(float(row[2]), 1) + 0.0))
+        return found
+    return follow
+
+
+def test_evidence_of_consecutive_scans_for_a_slip_adds_up(followed):
+    """37 beams are not enough for a slip of 15 degrees; two such scans are, if they agree on it."""
+    slip = -math.radians(15.0)
 
     def conflict(pose):
         return Conflict(30, 100, 0, 100) if pose[2] > -0.1 else NO_CONFLICT
-
-    def follow(*headings):
-        rival, found = None, []
-        for heading in headings:
-            reading = seen(0.0, 3.0, few, heading)
-            row, slip, rival = matcher.track(maps, 0, reading, ask, False, 1.0, conflict, STILL, rival)
-            found.append((slip, round(float(row[2]), 1)))
-        return found
-    assert follow(true, true) == [(DOUBTFUL, 0.0), (SLIP, round(true, 1))]
+    assert followed(conflict, (0.0, slip), (-0.2, slip - 0.2)) == [(DOUBTFUL, 0.0), (SLIP, round(slip - 0.2, 1))]
     # a scan without a slip ends the evidence
-    assert follow(true, 0.0, true) == [(DOUBTFUL, 0.0), (NO_SLIP, 0.0), (DOUBTFUL, 0.0)]
+    assert followed(conflict, (0.0, slip), (0.0, 0.0), (0.0, slip)) == [
+        (DOUBTFUL, 0.0), (NO_SLIP, 0.0), (DOUBTFUL, 0.0)]
+
+
+def test_evidence_of_consecutive_scans_for_a_turn_adds_up(followed):
+    turn = -math.radians(35.0)
+    assert followed(lambda pose: NO_CONFLICT, (0.0, turn), (0.12, turn + 0.12)) == [
+        (DOUBTFUL, 0.0), (LARGE_SLIP, round(turn + 0.12, 1))]
+
+
+def test_scans_from_one_place_are_one_observation(followed):
+    assert followed(lambda pose: NO_CONFLICT, *[(0.0, -math.radians(35.0))] * 4) == [(DOUBTFUL, 0.0)] * 4
+
+
+def test_a_slip_while_driving_is_noticed_by_the_match_alone():
+    """No surface is looked through, and no score is expected: the robot drives. The slip explains all beams."""
+    matcher, maps, _ = corridor(3.0, 1)
+    slipped = -math.radians(15.0)
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+    row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, LASER, slipped), ask, False, 0.0, lambda pose: NO_CONFLICT,
+                                 0.0)
+    assert slip == SLIP and row[2] == pytest.approx(slipped, abs=0.02)
+
+
+def test_fewer_beams_than_one_independent_observation_decide_nothing():
+    matcher, maps, _ = corridor(3.0, 1)
+    few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 8, 9, 0.05, 20.0, max_urange=6.0)
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+    _, slip, rival = matcher.track(maps, 0, seen(0.0, 3.0, few, -math.radians(15.0)), ask, False, 1.0,
+                                   lambda pose: Conflict(9, 9, 9, 9), STILL)
+    assert slip == NO_SLIP and rival is None
 
 
 @pytest.mark.parametrize("still, found", [(1.0, LARGE_SLIP), (0.05, DOUBTFUL), (0.0, DOUBTFUL)])

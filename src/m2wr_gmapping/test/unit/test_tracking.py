@@ -9,7 +9,7 @@ from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import odometry_kernels as ok
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import LaserModel
-from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.mapper import Mapper, continued_turn
 from m2wr_maps.se2 import between, compose, inverse
 
 NOISE = np.array([[0.01, 0.01], [0.02, 0.02]])
@@ -254,6 +254,45 @@ def test_robot_turned_without_odometry_is_found_again(laser, degrees):
     steps[36][2] = math.radians(degrees)
     truth = path_along(steps)
     mapper = run(laser, truth, path_along(told), period=0.3)
+    error = between(truth[-1], mapper.pose)
+    assert np.hypot(error[0], error[1]) < 0.05 and abs(error[2]) < 0.02
+    mapper.close()
+
+
+@pytest.mark.parametrize("beams, agrees", [(15, False), (180, True)])
+def test_few_beams_do_not_show_that_the_robot_was_not_turned(laser, beams, agrees):
+    """The wheels are at rest. Until enough of the hall is seen again, somebody may have turned the robot."""
+    told = path_along([[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.02]] * 4)
+    mapper = run(laser, told[:-3], told[:-3], period=0.3)
+    for k in (-3, -2, -1):
+        ranges = hall_ranges(told[k], laser.angles)
+        ranges[beams:] = np.inf
+        mapper.process(mapper.reading(ranges), told[k], 0.3 * (len(told) + k))
+    assert mapper._tracker.agrees == agrees and (mapper._standstill.unexplained == 0.0) == agrees
+    mapper.close()
+
+
+@pytest.mark.parametrize("turn, expected, right", [
+    (-178.0, 180.0, 182.0), (178.0, -180.0, -182.0), (178.0, 180.0, 178.0), (-100.0, 120.0, 260.0),
+    (5.0, 2190.0, 5.0), (-5.0, 2190.0, -5.0), (-178.0, 20.0, -178.0), (-178.0, 0.0, -178.0)])
+def test_turn_of_more_than_half_a_turn_is_continued(turn, expected, right):
+    found = continued_turn(math.radians(turn), math.radians(expected))
+    assert math.degrees(found) == pytest.approx(right)
+
+
+def test_wrong_scale_of_odometry_in_a_turn_without_scans(laser):
+    """Odometry tells 30 % too much of each turn. After 2 s without scans its heading is that of a turn back."""
+    turns = [10.0] * 72 + [140.0] + [10.0] * 10
+    truth = path_along([[0.0, 0.0, math.radians(turn)] for turn in turns])
+    odom = path_along([[0.0, 0.0, math.radians(1.3 * turn)] for turn in turns])
+    mapper = Mapper(GmappingConfig.from_mapping(dict(particles=4, maxUrange=10.0, linearUpdate=0.4,
+                                                     angularUpdate=0.4)), laser)
+    stamp, rng = 0.0, np.random.default_rng(3)
+    for k, (pose, wheels) in enumerate(zip(truth, odom)):
+        stamp += 0.01 * turns[k - 1] if k else 0.0
+        mapper.process(mapper.reading(hall_ranges(pose, laser.angles) + rng.normal(0.0, 0.01, len(laser.angles))),
+                       wheels, stamp)
+    assert mapper._rate == pytest.approx(math.radians(1300.0 / 10.0), rel=0.01)
     error = between(truth[-1], mapper.pose)
     assert np.hypot(error[0], error[1]) < 0.05 and abs(error[2]) < 0.02
     mapper.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Callable, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Callable, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -35,28 +35,71 @@ TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.s
 NO_SLIP, DOUBTFUL, SLIP, LARGE_SLIP, UNEXPLAINED = range(5)
 
 
+#: Centre of a search (3,) [m, m, rad], its half widths (2,) [m, rad], and the motion that leads there.
+Place = Tuple["FloatArray", "FloatArray", "Motion"]
+
+
+class Motion(NamedTuple):
+    """A motion that odometry has not measured, as a hypothesis.
+
+    Attributes
+    ----------
+    turned : bool
+        Whether a person has turned the robot on the spot; else its wheels have slipped.
+    least_share : float
+        Least score per beam of a scan at a pose after it.
+    most_conflict : float
+        Greatest share of end points that may be in conflict with older scans.
+    still : float
+        Time in which it may have happened [s].
+    tries : float
+        Logarithm of the number of hypotheses that are tried.
+    """
+
+    turned: bool
+    least_share: float
+    most_conflict: float = 1.0
+    still: float = math.inf
+    tries: float = 0.0
+
+    def cost(self, angle: float) -> float:
+        """Return the negative logarithm of its probability if it turned the robot by an angle [rad]."""
+        return self.tries + turn_cost(angle, self.still)
+
+
 class Rival(NamedTuple):
-    """A match after a slip.
+    """A match after a motion that odometry has not measured.
 
     Attributes
     ----------
     row : (13,) float64
         Result row; it begins with the pose in ``map`` [m, m, rad].
-    cost : float
-        Negative log-likelihood of the scan at this pose.
     evidence : float
-        Logarithm of how much better it explains the consecutive scans so far than the pose without a slip.
+        Logarithm of how much better it explains the consecutive scans so far than the pose by odometry.
+    surplus : float
+        Evidence beyond that which an improbable motion needs.
+    motion : Motion
+        What has happened.
+    earlier : float
+        Evidence of scans from other places. Scans from one place depend on each other: only the best of them counts.
+    since : (3,) float64
+        Motion by odometry since the first scan from the present place [m, m, rad].
     """
 
     row: FloatArray
-    cost: float
     evidence: float
+    surplus: float
+    motion: Motion
+    earlier: float
+    since: FloatArray
 
     def moved(self, step: FloatArray) -> Rival:
         """Return it after a step (3,) of odometry [m, m, rad]."""
-        row = self.row.copy()
+        row, since = self.row.copy(), compose(self.since, step)
         row[:3] = compose(row[:3], step)
-        return self._replace(row=row)
+        if math.hypot(since[0], since[1]) > BASIN[0] or abs(since[2]) > BASIN[1]:
+            return self._replace(row=row, earlier=self.evidence, since=np.zeros(3))
+        return self._replace(row=row, since=since)
 
 
 class FastMatcher:
@@ -156,14 +199,17 @@ class FastMatcher:
               rival: Optional[Rival] = None) -> Tuple[FloatArray, int, Optional[Rival]]:
         """Match in the map of one particle, and detect slip of odometry.
 
-        The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
-        match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip. How
-        well a pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few
-        beams could not outweigh that improbability by its match alone. The evidence of consecutive doubtful scans adds
-        up, as in a sequential test (Wald 1945): a slip is improbable once, not for each scan after it.
+        The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If it
+        does not fit well, two kinds of motion are tried that odometry has not measured: a slip of the wheels, and a
+        turn on the spot by a person. Such a motion must explain the scan better by its own improbability. How well a
+        pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few beams
+        could not outweigh that improbability by its match alone. The evidence of consecutive scans adds up, as in a
+        sequential test (Wald 1945): a motion is improbable once, not for each scan after it.
 
         A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
-        nothing although the last one did. The latter may also be an unknown area, so that a slip must fit well.
+        nothing although the last one did. Otherwise the area may be unknown, so that a slip must fit well. Turns are
+        tried only if a scan is contradicted or fits nothing, and no slip makes it fit well. Fewer beams than count as
+        one independent observation decide nothing.
 
         Parameters
         ----------
@@ -191,7 +237,7 @@ class FastMatcher:
         row : (13,) float64
             Result row.
         slip : int
-            NO_SLIP, SLIP, or LARGE_SLIP for a rotation far from odometry. If no slip explains a doubtful match:
+            NO_SLIP, SLIP, or LARGE_SLIP for a turn on the spot. If none of them explains a doubtful match:
             UNEXPLAINED if older scans contradict it as clearly as a slip is improbable, otherwise DOUBTFUL.
         rival : Rival or None
             For the next scan.
@@ -212,80 +258,70 @@ class FastMatcher:
         good, denied = tuning.MATCHING.good_share * count, _denial(conflict, row, count)
         doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
         is_lost = row[mk.SCORE] < tuning.SLIPS.lost * share * count
-        if not (doubtful or is_lost):
+        fits = row[mk.SCORE] >= tuning.SLIPS.lost * count
+        if fits and not (doubtful or is_lost) or count < tuning.MATCHING.dependent:
             return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
-        best, slip = best + contradiction, DOUBTFUL
-        rival = self._slipped(maps, particle, reading, ask, row, best, 0.0 if doubtful else good, conflict, rival)
-        if rival is not None and rival.evidence > tuning.SLIPS.cost:
-            row, best, slip, rival = rival.row, rival.cost + tuning.SLIPS.cost, SLIP, None
-        if (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good:
+        unaided = best + contradiction
+        places = self._slips(ask, 0.0 if doubtful else tuning.MATCHING.good_share, rival)
+        found = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
+        is_contradicted = (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good
+        if is_contradicted and still > 0.0 and (found is None or found.row[mk.SCORE] < good):
             # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
-            directions = 1.0 if is_lost else math.pi / np.minimum(WINDOW_MOST, ask.window)[1]
-            turned = self._turned(maps, particle, reading, ask.expected, conflict, best - math.log(directions),
-                                  max(MOST_CONFLICT, 0.5 * denied.share), still)
-            if turned is not None:
-                return turned, LARGE_SLIP, None
-            if slip == DOUBTFUL and contradiction > tuning.SLIPS.cost:
-                slip = UNEXPLAINED
-        return row, slip, rival
+            tries = 0.0 if is_lost else math.log(math.pi / np.minimum(WINDOW_MOST, ask.window)[1])
+            places = _turns(expected, Motion(True, tuning.MATCHING.good_share, max(MOST_CONFLICT, 0.5 * denied.share),
+                                             still, tries))
+            turned = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
+            if turned is not None and (found is None or turned.surplus > found.surplus):
+                found = turned
+        if found is not None and found.surplus > 0.0:
+            return found.row, LARGE_SLIP if found.motion.turned else SLIP, None
+        if is_contradicted and contradiction > tuning.SLIPS.cost:
+            return row, UNEXPLAINED, found
+        return row, NO_SLIP if found is None and not (doubtful or is_lost) else DOUBTFUL, found
 
-    def _slipped(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, row: FloatArray,
-                 unaided: float, least_score: float, conflict: Callable[[FloatArray], Conflict],
-                 before: Optional[Rival]) -> Optional[Rival]:
-        """Return the slip with the most evidence, or None if none explains the scan better than ``unaided``.
-
-        Windows around the pose by odometry, a slip that continues, and the rival of the scan before are searched. A
-        result within the window of the latter has its evidence, too.
-        """
-        count, window = reading.beams.shape[1], np.minimum(WINDOW_MOST, ask.window)
-        deviations = window / tuning.DRIFT.deviations
-        variances = np.square(deviations)[[0, 0, 1]]
-        found: Optional[Rival] = None
-        centres = [ask.expected]
+    @staticmethod
+    def _slips(ask: Request, least_share: float, before: Optional[Rival]) -> List[Place]:
+        """Return where the robot may be after a slip: beside the pose by odometry, or where it already was found."""
+        window = np.minimum(WINDOW_MOST, ask.window)
+        motion = Motion(False, least_share)
+        places = [(ask.expected, window, motion)]
         if np.abs(between(ask.expected, ask.start)).max() > tuning.SLIPS.left[0]:
-            centres.append(ask.start)       # a continuous slip has already moved it
+            places.append((ask.start, window, motion))      # a continuous slip has already moved it
         if before is not None:
-            centres.append(before.row[:3])
-        for centre in centres:
-            for begin in (row[:3], self.search(maps, particle, reading, centre, window, deviations)):
+            places.append((before.row[:3], window, before.motion))
+        return places
+
+    def _best_rival(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, places: List[Place],
+                    row: FloatArray, unaided: float, conflict: Callable[[FloatArray], Conflict],
+                    before: Optional[Rival]) -> Optional[Rival]:
+        """Return the match with the greatest surplus of evidence, or None if none is better than ``unaided``.
+
+        A result within the window of the rival of the scan before has its evidence, too.
+        """
+        count, found = reading.beams.shape[1], None
+        for centre, window, motion in places:
+            deviations = window / tuning.DRIFT.deviations
+            variances = np.square(deviations)[[0, 0, 1]]
+            begins = [self.search(maps, particle, reading, centre, window, deviations)]
+            if not motion.turned:
+                begins.insert(0, row[:3])
+            for begin in begins:
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
                 cost = tk.cost_of(other, centre, variances)[0]
-                if cost >= unaided or other[mk.SCORE] < least_score:
+                if cost >= unaided or other[mk.SCORE] < motion.least_share * count:
                     continue
-                cost += occlusion_cost(_denial(conflict, other, count).mutual, count)
-                evidence = max(0.0, unaided - cost)
-                if before is not None and (np.abs(between(before.row[:3], other[:3])) <= window[[0, 0, 1]]).all():
-                    evidence += before.evidence
-                if evidence > (0.0 if found is None else found.evidence):
-                    found = Rival(other, cost, evidence)
-        return found
-
-    def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
-                conflict: Callable[[FloatArray], Conflict], least_cost: float,
-                most_conflict: float, still: float) -> Optional[FloatArray]:
-        """Return the best match of a robot that has turned on the spot, or None if no pose is consistent.
-
-        Many rooms look alike after a quarter or half a turn, so each sector of directions has a candidate. Its cost
-        with that of the turn must be below ``least_cost``, and its conflict at most ``most_conflict``.
-        """
-        found, good = None, tuning.MATCHING.good_share * reading.beams.shape[1]
-        deviations = TURN_WINDOW / tuning.DRIFT.deviations
-        variances = np.square(deviations)[[0, 0, 1]]
-        for k in range(tuning.SLIPS.sectors):
-            angle = 2.0 * math.pi * k / tuning.SLIPS.sectors
-            if turn_cost(max(0.0, min(angle, 2.0 * math.pi - angle) - TURN_WINDOW[1]), still) >= least_cost:
-                continue
-            centre = expected + [0.0, 0.0, angle]
-            begin = self.search(maps, particle, reading, centre, TURN_WINDOW, deviations)
-            row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
-            cost = tk.cost_of(row, centre, variances)[0] + turn_cost(between(expected, row[:3])[2], still)
-            if cost >= least_cost or row[mk.SCORE] < good:
-                continue
-            against = conflict(row[:3])
-            cost += occlusion_cost(against.mutual, reading.beams.shape[1])
-            if cost < least_cost and against.share <= most_conflict:
-                found, least_cost = row, cost
+                against = conflict(other[:3]) if motion.turned else _denial(conflict, other, count)
+                cost += occlusion_cost(against.mutual, count)
+                evidence, earlier, since = max(0.0, unaided - cost), 0.0, np.zeros(3)
+                if before is not None and before.motion.turned == motion.turned \
+                        and (np.abs(between(before.row[:3], other[:3])) <= window[[0, 0, 1]]).all():
+                    earlier, since = before.earlier, before.since
+                    evidence = earlier + max(evidence, before.evidence - earlier)
+                surplus = evidence - motion.cost(between(ask.expected, other[:3])[2])
+                if evidence > 0.0 and against.share <= motion.most_conflict \
+                        and (found is None or surplus > found.surplus):
+                    found = Rival(other, evidence, surplus, motion, earlier, since)
         return found
 
     def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
@@ -335,6 +371,12 @@ class FastMatcher:
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)
         return best[:3]
+
+
+def _turns(expected: FloatArray, motion: Motion) -> List[Place]:
+    """Return where the robot may be after a turn on the spot: many rooms look alike after a quarter or half a turn."""
+    angles = [2.0 * math.pi * k / tuning.SLIPS.sectors for k in range(1, tuning.SLIPS.sectors)]    # 0: a slip
+    return [(expected + [0.0, 0.0, angle], TURN_WINDOW, motion) for angle in angles]
 
 
 def _denial(conflict: Callable[[FloatArray], Conflict], match: FloatArray, count: int) -> Conflict:

@@ -46,7 +46,8 @@ class Tracker:
     is_unexplained : bool
         Whether older scans contradict the newest one, and no pose that was tried explains it.
     agrees : bool
-        Whether odometry and older scans agree on the newest matched scan.
+        Whether odometry and older scans agree on the newest matched scan: half of its beams fit, and enough of them to
+        exclude that the robot was turned.
     """
 
     def __init__(self, matcher: FastMatcher, noise: FloatArray, dense: bool, mount: FloatArray, view: float) -> None:
@@ -56,6 +57,7 @@ class Tracker:
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
+        self._waits = False         # for the next scan
 
     @property
     def track(self) -> tr.Track:
@@ -111,8 +113,8 @@ class Tracker:
 
     @property
     def undecided(self) -> bool:
-        """Whether scan and odometry contradict each other, and a slip is not confirmed yet."""
-        return bool(self.track.slip[2])
+        """Whether scan and odometry contradict each other, and the next scan decides."""
+        return self._waits or bool(self.track.slip[2])
 
     def predict_particles(self, anchors: FloatArray, starts: FloatArray, predictions: FloatArray) -> FloatArray:
         """Predict all particles.
@@ -170,9 +172,18 @@ class Tracker:
         ask = tr.Request(start, expected, variances, 1.0 / variances, window)
         row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
                                                      rival)
-        self._share = float(row[mk.SCORE]) / reading.beams.shape[1]
+        found = float(row[mk.SCORE]) / reading.beams.shape[1]
+        # one more scan decides about a rival with half of the evidence that it needs
+        self._waits = not self._waits and self._rival is not None and found < tuning.MATCHING.good_share \
+            and self._rival.surplus > -0.5 * tuning.SLIPS.cost
+        if found >= tuning.SLIPS.lost * share:
+            share = found       # one that fits nothing does not tell how well the next should fit
+        self._share = share
         self.has_turned |= slip == LARGE_SLIP
-        self.is_unexplained, self.agrees = slip == UNEXPLAINED, slip == NO_SLIP
+        self.is_unexplained = slip == UNEXPLAINED
+        self.agrees = bool(row[mk.SCORE] >= max(tuning.SLIPS.lost * reading.beams.shape[1],
+                                                tuning.MATCHING.good_share * tuning.SEARCH.fewest)
+                           and slip == NO_SLIP)
         tk.accept_match(self._track, self._noise, anchor, row, slip in (SLIP, LARGE_SLIP),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True
