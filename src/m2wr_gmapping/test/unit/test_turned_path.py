@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.backend import place_search, turned_path
+from m2wr_gmapping.backend import loop_closing, place_search, turned_path
 from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.occlusion import Conflict
@@ -69,6 +69,14 @@ def test_turn_in_a_plain_corridor_is_found_later(turn, askew):
     assert np.hypot(*(mapper.pose - last)[:2]) < 0.3
     assert abs(math.remainder(mapper.pose[2] - last[2], 2.0 * math.pi)) < 0.05
     assert not mapper._history.doubtful
+
+
+def test_a_turn_that_was_contradicted_is_not_tried_again(monkeypatch):
+    tried = []
+    monkeypatch.setattr(loop_closing, "is_consistent", lambda graph, route, node: bool(tried.append(node)))
+    mapper, last = mapped(math.pi, math.radians(10.0), MISSING)
+    assert tried == [mapper._history.doubtful[0][0]] and not mapper._history.doubtful[0][1][0]
+    assert abs(math.remainder(mapper.pose[2] - last[2] - math.pi, 2.0 * math.pi)) < 0.05
 
 
 @pytest.mark.parametrize("askew, missing, doubtful", [

@@ -10,7 +10,7 @@ from m2wr_gmapping.backend.loop_graph import Link, LoopGraph, change_of, is_with
 from m2wr_gmapping.backend.place_search import Scene
 from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.backend.step_history import StepHistory, turned_step
-from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
+from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, right_angle, turned_after
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.scan import ScanReading
 from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
@@ -119,7 +119,10 @@ class LoopCloser:
         return self._turn_back(route, turned) if turned else None
 
     def _turn_back(self, route: Route, found: List[TurnedFind]) -> Optional[FloatArray]:
-        """Return the path without a turn that was not noticed; None, and no change, if its scans contradict that."""
+        """Return the path without a turn that was not noticed; None, and no change, if its scans contradict that.
+
+        A turn that was contradicted once is not tried again: the building has equal wings.
+        """
         node, correction = found[-1].node, found[-1].correction
         self._history.corrected(route.path)     # has seen all nodes
         path = turned_after(route.path, node, correction)
@@ -133,6 +136,8 @@ class LoopCloser:
             self._history.replace_step(node, before)
             self.graph.replace_links(links)
             self.graph.rejected = rejected
+            for doubt, alike in self._history.doubtful:
+                alike[right_angle(correction)] &= doubt != node
             return None
         self.graph.reject([link for link in links if link[1] >= node > link[0]])
         self._history.doubtful[:] = [doubt for doubt in self._history.doubtful if doubt[0] != node]

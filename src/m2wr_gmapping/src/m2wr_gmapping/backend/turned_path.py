@@ -273,13 +273,18 @@ def turned_node(path: FloatArray, doubts: Sequence[Doubt], correction: FloatArra
     shift : (K,) float64
         Drift of the newest node against each node [m].
     """
-    turn = int(np.argmin([abs(wrap(correction[2] - angle)) for angle in RIGHT_ANGLES]))
+    turn = right_angle(correction)
     nodes = [node for node, alike in doubts if alike[turn]]
     if not nodes:
         return None
     distance = np.hypot(*(compose(correction, path[nodes]) - path[nodes])[:, :2].T) - shift[nodes]
     best = int(np.argmin(distance))
     return nodes[best] if distance[best] <= DRIFT.room else None
+
+
+def right_angle(correction: FloatArray) -> int:
+    """Return the index of the angle of RIGHT_ANGLES that a correction (3,) of poses is nearest to."""
+    return int(np.argmin([abs(wrap(correction[2] - angle)) for angle in RIGHT_ANGLES]))
 
 
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:
