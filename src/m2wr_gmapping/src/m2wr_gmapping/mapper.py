@@ -73,7 +73,7 @@ def is_usable(odom_pose: FloatArray, stamp: float) -> bool:
 
 
 def continued_turn(turn: float, expected: float) -> float:
-    """Return the rotation of a step: more than half a turn if the robot went on turning as before.
+    """Return the rotation of a step: more than half a turn if the robot kept turning as before.
 
     The difference of two headings does not tell a rotation from one of a full turn more or less. That matters if
     odometry has a wrong scale.

@@ -261,7 +261,7 @@ def test_robot_turned_without_odometry_is_found_again(laser, degrees):
 
 @pytest.mark.parametrize("beams, agrees", [(15, False), (180, True)])
 def test_few_beams_do_not_show_that_the_robot_was_not_turned(laser, beams, agrees):
-    """The wheels are at rest. Until enough of the hall is seen again, somebody may have turned the robot."""
+    """The wheels are at rest. Until enough of the hall is seen again, a person may have turned the robot."""
     told = path_along([[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.02]] * 4)
     mapper = run(laser, told[:-3], told[:-3], period=0.3)
     for k in (-3, -2, -1):

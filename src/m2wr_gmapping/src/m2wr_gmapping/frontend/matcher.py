@@ -242,36 +242,25 @@ class FastMatcher:
         rival : Rival or None
             For the next scan.
         """
-        expected, variances, inverse = ask.expected, ask.variances, ask.inverse
-        row = self._fused(maps, particle, reading, ask.start, expected, inverse)
-        best, pull = tk.cost_of(row, expected, variances)
-        if long:
-            deviations = np.sqrt([variances[:2].max(), variances[2]])
-            window = np.minimum(tuning.MATCHING.certain * deviations, WINDOW_MOST)
-            if (window > BASIN).any():
-                found = self.search(maps, particle, reading, expected, window, deviations)
-                other = self._fused(maps, particle, reading, found, expected, inverse)
-                cost, other_pull = tk.cost_of(other, expected, variances)
-                if cost < best:
-                    row, best, pull = other, cost, other_pull
+        row, cost, pull = self._near_odometry(maps, particle, reading, ask, long)
         count = reading.beams.shape[1]
         good, denied = tuning.MATCHING.good_share * count, _denial(conflict, row, count)
         doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
         is_lost = row[mk.SCORE] < tuning.SLIPS.lost * share * count
         fits = row[mk.SCORE] >= tuning.SLIPS.lost * count
-        if fits and not (doubtful or is_lost) or count < tuning.MATCHING.dependent:
+        if fits and not doubtful or count < tuning.MATCHING.dependent:
             return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
-        unaided = best + contradiction
+        unaided = cost + contradiction
         places = self._slips(ask, 0.0 if doubtful else tuning.MATCHING.good_share, rival)
         found = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
         is_contradicted = (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good
         if is_contradicted and still > 0.0 and (found is None or found.row[mk.SCORE] < good):
             # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
             tries = 0.0 if is_lost else math.log(math.pi / np.minimum(WINDOW_MOST, ask.window)[1])
-            places = _turns(expected, Motion(True, tuning.MATCHING.good_share, max(MOST_CONFLICT, 0.5 * denied.share),
-                                             still, tries))
-            turned = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
+            motion = Motion(True, tuning.MATCHING.good_share, max(MOST_CONFLICT, 0.5 * denied.share), still, tries)
+            turned = self._best_rival(maps, particle, reading, ask, _turns(ask.expected, motion), row, unaided,
+                                      conflict, rival)
             if turned is not None and (found is None or turned.surplus > found.surplus):
                 found = turned
         if found is not None and found.surplus > 0.0:
@@ -279,6 +268,22 @@ class FastMatcher:
         if is_contradicted and contradiction > tuning.SLIPS.cost:
             return row, UNEXPLAINED, found
         return row, NO_SLIP if found is None and not (doubtful or is_lost) else DOUBTFUL, found
+
+    def _near_odometry(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request,
+                       long: bool) -> Tuple[FloatArray, float, float]:
+        """Return the match with the prior of odometry, its cost, and its pull as of ``tracking_kernels.cost_of``."""
+        expected, variances, inverse = ask.expected, ask.variances, ask.inverse
+        row = self._fused(maps, particle, reading, ask.start, expected, inverse)
+        best, pull = tk.cost_of(row, expected, variances)
+        deviations = np.sqrt([variances[:2].max(), variances[2]])
+        window = np.minimum(tuning.MATCHING.certain * deviations, WINDOW_MOST)
+        if long and (window > BASIN).any():
+            begin = self.search(maps, particle, reading, expected, window, deviations)
+            other = self._fused(maps, particle, reading, begin, expected, inverse)
+            cost, other_pull = tk.cost_of(other, expected, variances)
+            if cost < best:
+                row, best, pull = other, cost, other_pull
+        return row, best, pull
 
     @staticmethod
     def _slips(ask: Request, least_share: float, before: Optional[Rival]) -> List[Place]:
