@@ -161,7 +161,7 @@ def test_a_slip_while_driving_is_noticed_by_the_match_alone():
     assert slip == SLIP and row[2] == pytest.approx(slipped, abs=0.02)
 
 
-def test_fewer_beams_than_one_independent_observation_decide_nothing():
+def test_fewer_beams_than_one_observation_decide_nothing():
     matcher, maps, _ = corridor(3.0, 1)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 8, 9, 0.05, 20.0, max_urange=6.0)
     ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
