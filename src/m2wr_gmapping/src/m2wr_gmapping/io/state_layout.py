@@ -98,8 +98,8 @@ MAPPER = Part({
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "_stamp": REAL, "_rate": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL,
-    "_loops": LOOPS,
-    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL, "_occupancy": OCCUPANCY},
+    "_loops": LOOPS, "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS, "_standstill": STANDSTILL,
+    "_occupancy": OCCUPANCY},
     ("config", "laser", "_workers", "_plain", "_matcher", "_dense"))
 
 
