@@ -180,5 +180,5 @@ class GmappingConfig:
 
     @property
     def noise(self) -> FloatArray:
-        """Noise of odometry (2, 2): of translation and of heading, each by distance and by rotation."""
+        """Noise of odometry (2, 2), of translation and of heading, each by distance and by rotation."""
         return np.array([[self["srr"], self["str"]], [self["srt"], self["stt"]]], float)
