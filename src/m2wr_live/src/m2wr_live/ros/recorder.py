@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -44,7 +45,7 @@ def draw_film(bag: str, path: str) -> None:
         raise ViewError("there is no command \"image_dump\" in m2wr_view; make build makes it")
     try:
         done = subprocess.run(
-            ["nice", program[0], "--bag", bag, "--out", path, "--max-pictures", str(_MOST_PICTURES)],
+            ["nice", sys.executable, program[0], "--bag", bag, "--out", path, "--max-pictures", str(_MOST_PICTURES)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=_FILMING, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ViewError("the film cannot be drawn: %s" % error) from error
