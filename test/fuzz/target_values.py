@@ -22,7 +22,7 @@ class Parameters(Target):
         from m2wr_sim.ros.params import NodeConfig, read_config
         self.read, self.config, self.foreseen = read_config, GmappingConfig, (SimError, ConfigError)
         self.names = [entry.name for entry in fields(NodeConfig)] + ["nothing", "gazebo"]
-        self.mapper_names = sorted(GmappingConfig.from_mapping({}).as_dict())
+        self.mapper_names = sorted(GmappingConfig.from_mapping({}).values)
 
     def make(self, rng):
         names = self.names if rng.randrange(2) else self.mapper_names
