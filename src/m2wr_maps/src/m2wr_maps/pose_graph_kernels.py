@@ -27,15 +27,11 @@ from typing import Tuple
 
 import numpy as np
 
+from m2wr_maps.pose_kernels import wrapped
 from m2wr_node.array_types import FloatArray, IndexArray
 from m2wr_node.kernel import kernel
 
 WORD = 64
-
-
-@kernel
-def _wrapped(angle: float) -> float:
-    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
 @kernel
@@ -65,7 +61,7 @@ def residuals(poses: FloatArray, pairs: IndexArray, measured: FloatArray, inform
         x, y = c * dx + s * dy - m[0], c * dy - s * dx - m[1]
         c, s = math.cos(m[2]), math.sin(m[2])
         r = residual[e]
-        r[0], r[1], r[2] = c * x + s * y, c * y - s * x, _wrapped(q[2] - p[2] - m[2])
+        r[0], r[1], r[2] = c * x + s * y, c * y - s * x, wrapped(q[2] - p[2] - m[2])
         total = 0.0
         for i in range(3):
             for j in range(3):
