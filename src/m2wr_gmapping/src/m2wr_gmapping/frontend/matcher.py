@@ -308,10 +308,8 @@ class FastMatcher:
         for centre, window, motion in places:
             deviations = window / tuning.DRIFT.deviations
             variances = np.square(deviations)[[0, 0, 1]]
-            begins = [self.search(maps, particle, reading, centre, window, deviations)]
-            if not motion.turned:
-                begins.insert(0, row[:3])
-            for begin in begins:
+            likely = self.search(maps, particle, reading, centre, window, deviations)
+            for begin in [likely] if motion.turned else [row[:3], likely]:
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
                 cost = tk.cost_of(other, centre, variances)[0]
                 if cost >= unaided or other[mk.SCORE] < motion.least_share * count:
