@@ -224,7 +224,7 @@ class Mapper:
     def _first(self, reading: ScanReading, odom_pose: FloatArray, stamp: float) -> Update:
         self.filter = ParticleFilter(self.config, self._matcher, odom_pose)
         self.filter.register(reading)
-        self._odom = odom_pose
+        self._odom, self._stamp = odom_pose, stamp
         self._remember(reading, stamp)
         return Update(True, False, self.pose)
 
@@ -269,7 +269,7 @@ class Mapper:
 
     def reset_odometry(self, odom_pose: ArrayLike) -> None:
         """Continue with an odometry that was reset; the robot is assumed to be at the pose of the last scan."""
-        self._odom = np.asarray(odom_pose, float)
+        self._odom, self._rate = np.asarray(odom_pose, float), 0.0
 
     @property
     def odometry(self) -> FloatArray:

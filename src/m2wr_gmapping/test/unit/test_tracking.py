@@ -280,6 +280,27 @@ def test_turn_of_more_than_half_a_turn_is_continued(turn, expected, right):
     assert math.degrees(found) == pytest.approx(right)
 
 
+def test_rate_of_rotation_is_known_from_the_second_scan_on(laser):
+    """Stamps are those of the day; a reset of odometry ends the motion that was known."""
+    mapper = Mapper(GmappingConfig.from_mapping(dict(particles=4, maxUrange=10.0)), laser)
+    for k, pose in enumerate(path_along([[0.0, 0.0, 0.1]] * 2)):
+        mapper.process(mapper.reading(hall_ranges(pose, laser.angles)), pose, 1.7e9 + 0.5 * k)
+        assert mapper._rate == pytest.approx(0.2 if k else 0.0)
+    mapper.reset_odometry(np.zeros(3))
+    assert mapper._rate == 0.0
+    mapper.close()
+
+
+def test_scan_without_beams_decides_nothing_and_does_not_wait(laser):
+    """Else a robot that no longer sees a wall would not process a scan until it sees one."""
+    still = path_along([[0.0, 0.0, 0.0]] * 3)
+    mapper = run(laser, still, still)
+    mapper._tracker._waits = True
+    mapper.process(mapper.reading(np.full(len(laser.angles), np.inf)), np.array([0.5, 0.0, 0.0]), 1.0)
+    assert mapper.processed == 2 and not mapper._tracker.undecided and not mapper._tracker.agrees
+    mapper.close()
+
+
 def test_wrong_scale_of_odometry_in_a_turn_without_scans(laser):
     """Odometry tells 30 % too much of each turn. After 2 s without scans its heading is that of a turn back."""
     turns = [10.0] * 72 + [140.0] + [10.0] * 10

@@ -164,7 +164,8 @@ class Tracker:
         track = self.track
         if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
-            self.agrees = False
+            self.agrees = self._waits = False
+            self._rival = None
             return False
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
