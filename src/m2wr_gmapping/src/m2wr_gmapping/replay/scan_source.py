@@ -39,7 +39,9 @@ PATIENCE = 30.0         # greatest delay of a transform behind its scan, in bag 
 
 
 class ScanSource:
-    """Yields scans in the order of the bag as soon as their transform is known; the others wait.
+    """Yields scans in the order of their stamps as soon as their transform is known; the others wait.
+
+    A scan that arrives after a newer one was yielded is left out, as in the live node.
 
     Parameters
     ----------
@@ -78,6 +80,7 @@ class ScanSource:
         self._odd: List[LaserScan] = []         # the last scans, if they looked like a jump back
         self._before_last: Optional[genpy.Time] = None      # stamp of the scan before the newest
         self._begun = False             # whether a scan of this run was yielded
+        self._taken: Optional[genpy.Time] = None            # stamp of the newest scan that no longer waits
         self.account = ScanAccount()
         self.unreadable = self.generation = 0
         self.why: Optional[str] = None          # why a scan has no transform
@@ -104,7 +107,7 @@ class ScanSource:
                 pair = self._ready(self._waiting[0], PATIENCE)
                 if pair is None:
                     break
-                self._waiting.popleft()
+                self._taken = self._waiting.popleft().header.stamp
                 if pair:
                     yield pair
         self._lose_odd(len(self._odd))
@@ -152,9 +155,16 @@ class ScanSource:
             self._waiting.extend(self._odd)
         else:
             self._lose_odd(len(self._odd))
+            if self._taken is not None and stamp < self._taken:
+                self._lose(OUT_OF_ORDER, 1, "the scan at {:.3f} is not used: it arrived after one at {:.3f}".format(
+                    stamp.to_sec(), self._taken.to_sec()))
+                return
         self._odd, self._before_last, self._last = [], self._last, stamp
         self._old.clear()
-        self._waiting.append(scan)
+        place = len(self._waiting)
+        while place and stamp < self._waiting[place - 1].header.stamp:
+            place -= 1
+        self._waiting.insert(place, scan)
 
     def _keep_odd(self, scan: LaserScan) -> None:
         """Keep a scan that is much older than the one before until it is clear whether time has jumped back."""
@@ -176,7 +186,7 @@ class ScanSource:
         log.warning("time jumps back from %.3f to %.3f in the bag: starting a new map", before.to_sec(),
                     stamp.to_sec())
         self.generation += 1
-        self._begun, self._newest = False, 0.0
+        self._begun, self._newest, self._taken = False, 0.0, None
         self.account.leave_out(TIME_JUMP, len(self._waiting))
         self._waiting.clear()
         self._newest_of.clear()
