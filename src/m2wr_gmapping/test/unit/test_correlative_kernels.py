@@ -19,7 +19,7 @@ def room(seed):
 
 def drawn(points, corner):
     raster, pairs, coarse = np.zeros((3, 160, 160), np.uint8)
-    ck.stamp_points(np.zeros(3), points, corner, 10.0, raster)
+    ck.stamp_points(np.zeros((1, 3)), np.array([points.shape[1]]), points, corner, 10.0, raster)
     ck.block_maximum(raster, ck.BLOCK // 2, pairs)
     ck.block_maximum(raster, ck.BLOCK, coarse)
     return raster, pairs, coarse
@@ -34,6 +34,18 @@ def value(points, pose, corner, raster):
         if 0 <= x < 160 and 0 <= y < 160:
             total += int(raster[y, x])
     return total / (255.0 * points.shape[1])
+
+
+def test_raster_of_several_scans_has_the_greatest_value_of_each():
+    points, corner = room(1)
+    poses, ends = np.array([[0.3, -0.2, 0.4], [0.0, 0.5, -1.0], [1.0, 0.0, 3.0]]), np.array([50, 50, points.shape[1]])
+    raster = np.zeros((160, 160), np.uint8)
+    ck.stamp_points(poses, ends, points, corner, 10.0, raster)
+    each = np.zeros((3, 160, 160), np.uint8)
+    for pose, first, last, one in zip(poses, [0, *ends], ends, each):
+        placed = compose(pose, np.vstack([points[:, first:last], np.zeros(last - first)]).T)[:, :2].T
+        ck.stamp_points(np.zeros((1, 3)), np.array([last - first]), np.ascontiguousarray(placed), corner, 10.0, one)
+    assert raster.any() and (raster == each.max(axis=0)).all()
 
 
 @pytest.mark.parametrize("size", [ck.BLOCK // 2, ck.BLOCK])

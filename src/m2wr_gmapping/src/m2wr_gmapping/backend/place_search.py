@@ -111,8 +111,10 @@ def raster_around(pose: FloatArray, query: FloatArray, route: Route, reference: 
     corner = pose[:2] - radius
     cells = int(2.0 * radius / cell) + 2
     values = np.zeros((cells, cells), np.uint8)
-    for node in reference:
-        ck.stamp_points(route.path[node], route.readings[node].points, corner, 1.0 / cell, values)
+    if len(reference):
+        scans = [route.readings[node].points for node in reference]
+        ends = np.cumsum([points.shape[1] for points in scans])
+        ck.stamp_points(route.path[reference], ends, np.concatenate(scans, axis=1), corner, 1.0 / cell, values)
     return Raster(corner, cell, values)
 
 

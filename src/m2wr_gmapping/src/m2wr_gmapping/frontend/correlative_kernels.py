@@ -21,16 +21,18 @@ CENTRE, BESIDE, CORNER = 255, 170, 110     # values of an end point's cell and o
 
 
 @kernel
-def stamp_points(pose: FloatArray, points: FloatArray, corner: FloatArray, per_metre: float,
+def stamp_points(poses: FloatArray, ends: IndexArray, points: FloatArray, corner: FloatArray, per_metre: float,
                  raster: Uint8Array) -> None:
-    """Raise the cells around the end points of a scan.
+    """Raise the cells around the end points of scans.
 
     Parameters
     ----------
-    pose : (3,) float64
-        Pose x, y [m], theta [rad] in ``map``.
+    poses : (K, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    ends : (K,) int64
+        Number of end points up to and including each scan.
     points : (2, B) float64
-        End points [m, laser frame].
+        End points of one scan after the other [m, laser frame].
     corner : (2,) float64
         World position of the raster's corner [m].
     per_metre : float
@@ -38,18 +40,19 @@ def stamp_points(pose: FloatArray, points: FloatArray, corner: FloatArray, per_m
     raster : (H, W) uint8
         Changed: cells take the greater value.
     """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    for b in range(points.shape[1]):
-        fx = (pose[0] + c * points[0, b] - s * points[1, b] - corner[0]) * per_metre
-        fy = (pose[1] + s * points[0, b] + c * points[1, b] - corner[1]) * per_metre
-        if not (fx >= 1.0 and fy >= 1.0 and fx < raster.shape[1] - 1 and fy < raster.shape[0] - 1):
-            continue
-        ix, iy = int(fx), int(fy)
-        for dy in range(-1, 2):
-            for dx in range(-1, 2):
-                value = CENTRE if dx == 0 and dy == 0 else (BESIDE if dx == 0 or dy == 0 else CORNER)
-                if raster[iy + dy, ix + dx] < value:
-                    raster[iy + dy, ix + dx] = value
+    for k in range(ends.shape[0]):
+        x, y, c, s = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for b in range(ends[k - 1] if k else 0, ends[k]):
+            fx = (x + c * points[0, b] - s * points[1, b] - corner[0]) * per_metre
+            fy = (y + s * points[0, b] + c * points[1, b] - corner[1]) * per_metre
+            if not (fx >= 1.0 and fy >= 1.0 and fx < raster.shape[1] - 1 and fy < raster.shape[0] - 1):
+                continue
+            ix, iy = int(fx), int(fy)
+            for dy in range(-1, 2):
+                for dx in range(-1, 2):
+                    value = CENTRE if dx == 0 and dy == 0 else (BESIDE if dx == 0 or dy == 0 else CORNER)
+                    if raster[iy + dy, ix + dx] < value:
+                        raster[iy + dy, ix + dx] = value
 
 
 @kernel
