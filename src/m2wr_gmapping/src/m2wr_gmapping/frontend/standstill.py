@@ -55,12 +55,14 @@ class Standstill:
         x, y, turn = self._step.tolist()
         distance, needed = math.hypot(x, y), 0.0
         is_usual = 0.0 < distance + abs(turn) and distance < tuning.ODOMETRY.fastest * time       # no reset of odometry
-        for motion, weight, sums in ((distance, distance, self._sums[0]), (abs(turn), turn * turn, self._sums[1])):
+        rows = self._sums.tolist()
+        for motion, weight, sums in zip((distance, abs(turn)), (distance, turn * turn), rows):
             if is_usual:
-                sums += weight, weight * motion / time
+                sums[0] += weight
+                sums[1] += weight * motion / time
             if sums[1] > 0.0:
-                needed = max(needed, motion * float(sums[0] / sums[1]))
-        self._step, self._last = np.zeros(3), stamp
+                needed = max(needed, motion * (sums[0] / sums[1]))
+        self._sums, self._step, self._last = np.array(rows), np.zeros(3), stamp
         still = max(0.0, interval - needed)
         self.longest = max(self.longest, still)
         self.unexplained += still
