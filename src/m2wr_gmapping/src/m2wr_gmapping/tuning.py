@@ -65,8 +65,8 @@ class Matching:
     narrow: float = tuned(0.01, "m^2", "Squared width of the robust kernel in the last round, and squared step "
                           "of a search.",
                           "geometry: 0.1 m, two cells of the usual map")
-    rounds: int = tuned(8, "1", "Searches for partners of the end points.", UNKNOWN)
-    steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
+    rounds: int = tuned(20, "1", "Most steps of a match, each with a search for partners of the end points.",
+                        "time of a match; recorded logs need 5 on average, and hardly one needs more than 16")
     basin: Vector2 = tuned((0.15, 0.1), "m, rad", "Motion from which a match converges. No step of Gauss-Newton is "
                            "longer, and a slip persists over more.",
                            "geometry: three cells, from which partners are found; the same at 1.5 m")

@@ -103,6 +103,41 @@ def test_both_matchers_recover_the_pose(start):
     assert np.abs(results[0, :2]).max() < 0.01 and abs(results[0, 2]) < 0.005
 
 
+def test_slow_steps_are_extrapolated():
+    """Each step is a fifth of the way that is left: the third pose is the end of that way."""
+    end, pose, before = np.array([0.02, -0.01, 0.005]), np.zeros(3), np.zeros(6)
+    for number in range(3):
+        mk._advance(0.2 * (end - pose), 4.0, number == 0, pose, before)
+    assert pose == pytest.approx(end, abs=1e-9)
+
+
+def test_an_extrapolated_step_moves_no_end_point_by_more_than_a_cell():
+    pose, before = np.zeros(3), np.zeros(6)
+    mk._advance(np.array([0.02, 0.0, 0.01]), 4.0, True, pose, before)
+    mk._advance(np.array([0.02, 0.0, 0.00999]), 4.0, False, pose, before)
+    plain = np.array([0.04, 0.0, 0.01999])
+    assert math.hypot(pose[0] - plain[0], 2.0 * (pose[2] - plain[2])) == pytest.approx(0.05)
+    assert before[3:] == pytest.approx(plain)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_match_among_furniture_converges(seed):
+    """450 end points on 150 legs of chairs, from 2.3 degrees and 3 cm beside the pose."""
+    rng = np.random.default_rng(seed)
+    points = np.repeat(rng.uniform(-4.0, 4.0, (2, 150)), 3, axis=1) + rng.normal(0.0, 0.06, (2, 450))
+    maps = TileMaps(1, 0.05, NEVER)
+    maps.cover((-5.0, -5.0), (5.0, 5.0))
+    maps.register(np.zeros((1, 3)), points)
+    angles = rng.uniform(-math.pi, math.pi, 450)
+    nx, ny = np.cos(angles), np.sin(angles)
+    beams = np.vstack([points, nx, ny, ny * points[0] - nx * points[1], nx * points[0] + ny * points[1],
+                       np.full(450, 0.98)])
+    settings = SETTINGS.copy()
+    settings[mk.ROUNDS] = 8
+    found = matched(maps, beams, (0.02, -0.02, 0.04), (0.0, 0.0, 0.04), 1.0, settings)
+    assert found[:3] == pytest.approx(np.zeros(3), abs=5e-4)
+
+
 def test_information_is_large_across_walls_and_small_along_one():
     maps, beams = cloud(4)
     one_wall = np.ascontiguousarray(beams[:, :150])         # along x

@@ -27,7 +27,7 @@ KEPT = {
     "frontend/information_kernels.py": {"INFORMATION": "index"},
     "frontend/match_kernels.py": dict.fromkeys(
         "SHIFT MASK UNIT QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
-        "MATCH_SETTINGS POSE SCORE LOG_LIKELIHOOD FOUND COST INFORMATION RESULT_SIZE LANES PAIR_ROWS".split(),
+        "MATCH_SETTINGS POSE SCORE LOG_LIKELIHOOD FOUND COST INFORMATION RESULT_SIZE LANES PAIR_ROWS SUMS".split(),
         "indices and layout"),
     "frontend/matcher.py": {"NO_SLIP": "names of results", "DOUBTFUL": "", "SLIP": "", "LARGE_SLIP": "",
                             "UNEXPLAINED": ""},

@@ -43,10 +43,12 @@ WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 
 POSE, SCORE, LOG_LIKELIHOOD, FOUND, COST, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 7, 13
 LANES, PAIR_ROWS = 128, 18
 PAIRS = LANES * PAIR_ROWS
+SUMS = 21
 _QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = (
     np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
 STEP_LIMIT, CONVERGED = tuning.MATCHING.basin[0], tuning.MATCHING.converged
-STEPS_A_ROUND, NULL_DISTANCE2 = tuning.MATCHING.steps_a_round, tuning.NULL_DISTANCE2
+FARTHEST = tuning.MATCHING.beam_deviation     # of the end points, beyond a step [m]: farther ones lose their partners
+NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
 @kernel
@@ -258,44 +260,75 @@ def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: 
 
 
 @kernel
+def _advance(step: FloatArray, lever2: float, only: bool, pose: FloatArray, before: FloatArray) -> None:
+    """Move a pose by a step of Gauss-Newton, and further if the steps converge slowly.
+
+    They do where end points of furniture find a partner close by after each step. This is Anderson's method with a
+    memory of one step: Walker and Ni, SIAM J. Numer. Anal. 49(4), 2011; Pavlov et al., AA-ICP, ICRA 2018.
+
+    Parameters
+    ----------
+    step : (3,) float64
+        In the axes of the map [m, m, rad].
+    lever2 : float
+        Mean squared lever arm of the beams, which makes rotations comparable to distances [m^2].
+    only : bool
+        Whether only this step is made, as in the first and the last round.
+    pose : (3,) float64
+        Changed.
+    before : (6,) float64
+        The step before and the pose after it alone; replaced.
+    """
+    along, squared, moved2, gain = 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        change, weight = step[k] - before[k], lever2 if k == 2 else 1.0
+        along -= weight * step[k] * change
+        squared += weight * change * change
+        pose[k] += step[k]
+        moved2 += weight * (pose[k] - before[3 + k])**2
+    if not only and along > 0.0:
+        gain = min(along / squared, FARTHEST / math.sqrt(moved2))
+    for k in range(3):
+        before[k], reached = step[k], pose[k]
+        pose[k] += gain * (reached - before[3 + k])
+        before[3 + k] = reached
+
+
+@kernel
 def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
            hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
            sums: FloatArray, row: FloatArray) -> None:
-    """Match a scan in one map, with scratch arrays for pairs and equations, ``sums`` (12,)."""
-    h, g, step = sums[:6], sums[6:9], sums[9:12]
+    """Match a scan in one map, with scratch arrays for pairs and equations, ``sums`` (SUMS,)."""
+    h, g, step, pose, before = sums[:6], sums[6:9], sums[9:12], sums[12:15], sums[15:21]
     per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
-    x, y, theta = start[0], start[1], start[2]
     width = max(settings[WIDE], settings[NARROW])
+    pose[:] = start
     found, settled = 0, False
-    for _ in range(int(settings[ROUNDS])):
-        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
-        far = 0.0
-        for _ in range(STEPS_A_ROUND):
-            _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
-            _add_prior(x, y, theta, prediction, prior, per_variance, h, g)
-            if not solve(h, g, step):
-                break
-            size = max(abs(step[0]), abs(step[1]), abs(step[2]))
-            if size > STEP_LIMIT:
-                for k in range(3):
-                    step[k] *= STEP_LIMIT / size
-            c, s = math.cos(theta), math.sin(theta)
-            x += c * step[0] - s * step[1]
-            y += s * step[0] + c * step[1]
-            theta += step[2]
-            far = max(far, size)
-        if far < CONVERGED and width <= settings[NARROW]:
-            settled = True
+    for number in range(int(settings[ROUNDS])):
+        found = partners(pose[0], pose[1], pose[2], beams, grid, mean, hits, frame, pairs)
+        _accumulate(pose[0], pose[1], pose[2], frame, pairs, found, width, 0.0, h, g)
+        _add_prior(pose[0], pose[1], pose[2], prediction, prior, per_variance, h, g)
+        if not solve(h, g, step):
+            break
+        size = max(abs(step[0]), abs(step[1]), abs(step[2]))
+        if size > STEP_LIMIT:
+            for k in range(3):
+                step[k] *= STEP_LIMIT / size
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        step[0], step[1] = c * step[0] - s * step[1], s * step[0] + c * step[1]
+        settled = size < CONVERGED and width <= settings[NARROW]
+        _advance(step, h[5] / (h[0] + h[3]), number == 0 or settled, pose, before)
+        if settled:             # the pose has moved by less than a millimetre
             break
         width = max(settings[NARROW], 0.5 * width)
-    if not settled:             # otherwise the pose has moved by less than a millimetre
-        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
-    _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
-    row[0], row[1] = x, y
-    row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
+    if not settled:
+        found = partners(pose[0], pose[1], pose[2], beams, grid, mean, hits, frame, pairs)
+    _accumulate(pose[0], pose[1], pose[2], frame, pairs, found, settings[NARROW], settings[FREE], h, g)
+    row[:3] = pose
+    row[2] -= 2.0 * math.pi * math.floor((pose[2] + math.pi) / (2.0 * math.pi))
     for k in range(6):
         row[INFORMATION + k] = h[k] * per_variance
-    _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
+    _rate(pose[0], pose[1], pose[2], beams.shape[1], frame, pairs, found, settings, row)
 
 
 @kernel
@@ -339,7 +372,7 @@ def match_particles(starts: FloatArray, predictions: FloatArray, first: int, las
     results : (N, 13) float64
         Written: pose, score, log-likelihood, partners, cost and the scan's information (upper triangle, laser axes).
     """
-    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
+    pairs, sums = scratch(beams.shape[1]), np.zeros(SUMS)
     for i in range(first, last):
         row = results[i]
         _match(starts[i], predictions[i], table[i], beams, mean, hits, frame, prior, settings, pairs, sums, row)
