@@ -119,8 +119,8 @@ class FastMatcher:
         self._settings[mk.SPREAD] = tuning.MATCHING.beam_deviation
         self._settings[mk.SIGMA], self._settings[mk.LSIGMA] = config["sigma"], config["lsigma"]
         self._settings[mk.FREE] = tuning.SCANS.slide
-        self._particle_settings = self._settings.copy()
-        self._particle_settings[mk.WIDE] = NARROW
+        self._near_settings = self._settings.copy()
+        self._near_settings[mk.WIDE] = NARROW
 
     def match(self, maps: TileMaps, reading: ScanReading, starts: FloatArray, predictions: FloatArray,
               prior: FloatArray, minimum_score: float) -> FloatArray:
@@ -148,7 +148,7 @@ class FastMatcher:
         """
         results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
         least = min(minimum_score, tuning.MATCHING.score * beams.shape[1])
-        table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
+        table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._near_settings
 
         def work(first: int, last: int) -> None:
             mk.match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings,
@@ -159,7 +159,7 @@ class FastMatcher:
         return results
 
     def match_one(self, maps: TileMaps, particle: int, beams: FloatArray, start: FloatArray, prediction: FloatArray,
-                  prior: FloatArray) -> FloatArray:
+                  prior: FloatArray, near: bool = False) -> FloatArray:
         """Match in the map of one particle.
 
         Parameters
@@ -176,6 +176,8 @@ class FastMatcher:
             Pose predicted by odometry.
         prior : (3,) float64
             Inverse variances along the axes of the prediction.
+        near : bool
+            Whether the match begins with the last width of the robust kernel.
 
         Returns
         -------
@@ -184,13 +186,14 @@ class FastMatcher:
         """
         rows = np.empty((1, mk.RESULT_SIZE))
         mk.match_particles(start[None], prediction[None], 0, 1, beams, maps.table[particle:particle + 1], maps.mean,
-                           maps.hits, maps.frame, prior, self._settings, -math.inf, rows)
+                           maps.hits, maps.frame, prior, self._near_settings if near else self._settings, -math.inf,
+                           rows)
         return rows[0]
 
     def _fused(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
-               prior: FloatArray) -> FloatArray:
+               prior: FloatArray, near: bool = False) -> FloatArray:
         """``match_one``, with odometry along directions that the scan does not observe; see ``fuse``."""
-        row = self.match_one(maps, particle, reading.beams, start, prediction, prior)
+        row = self.match_one(maps, particle, reading.beams, start, prediction, prior, near)
         fuse(row, prediction, prior)
         return row
 
@@ -199,9 +202,9 @@ class FastMatcher:
               rival: Optional[Rival] = None) -> Tuple[FloatArray, int, Optional[Rival]]:
         """Match in the map of one particle, and detect slip of odometry.
 
-        The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If it
-        does not fit well, two kinds of motion are tried that odometry has not measured: a slip of the wheels, and a
-        turn on the spot by a person. Such a motion must explain the scan better by its own improbability. How well a
+        The scan is first matched with the prior of odometry. If it does not fit well after a long step, the window that
+        the prior leaves is searched. If it is doubtful then, or fits less than half, two kinds of motion are tried that
+        odometry has not measured: a slip of the wheels, and a turn on the spot by a person. Such a motion must explain the scan better by its own improbability. How well a
         pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few beams
         could not outweigh that improbability by its match alone. The evidence of consecutive scans adds up, as in a
         sequential test (Wald 1945): a motion is improbable once, not for each scan after it.
@@ -271,13 +274,18 @@ class FastMatcher:
 
     def _near_odometry(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request,
                        long: bool) -> Tuple[FloatArray, float, float]:
-        """Return the match with the prior of odometry, its cost, and its pull as of ``tracking_kernels.cost_of``."""
+        """Return the match with the prior of odometry, its cost, and its pull as of ``tracking_kernels.cost_of``.
+
+        Most scans fit at once. After a long step the window of the prior is searched for the others.
+        """
         expected, variances, inverse = ask.expected, ask.variances, ask.inverse
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
+        if not long or row[mk.SCORE] >= tuning.MATCHING.good_share * reading.beams.shape[1]:
+            return row, best, pull
         deviations = np.sqrt([variances[:2].max(), variances[2]])
         window = np.minimum(tuning.MATCHING.certain * deviations, WINDOW_MOST)
-        if long and (window > BASIN).any():
+        if (window > BASIN).any():
             begin = self.search(maps, particle, reading, expected, window, deviations)
             other = self._fused(maps, particle, reading, begin, expected, inverse)
             cost, other_pull = tk.cost_of(other, expected, variances)
@@ -308,9 +316,13 @@ class FastMatcher:
         for centre, window, motion in places:
             deviations = window / tuning.DRIFT.deviations
             variances = np.square(deviations)[[0, 0, 1]]
-            likely = self.search(maps, particle, reading, centre, window, deviations)
-            for begin in [likely] if motion.turned else [row[:3], likely]:
-                other = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
+            prior, matches = 1.0 / variances, []
+            if not motion.turned:
+                matches.append(self._fused(maps, particle, reading, row[:3], centre, prior, near=True))
+            if not matches or matches[0][mk.SCORE] < tuning.MATCHING.good_share * count:
+                begin = self.search(maps, particle, reading, centre, window, deviations)
+                matches.append(self._fused(maps, particle, reading, begin, centre, prior))
+            for other in matches:
                 cost = tk.cost_of(other, centre, variances)[0]
                 if cost >= unaided or other[mk.SCORE] < motion.least_share * count:
                     continue
