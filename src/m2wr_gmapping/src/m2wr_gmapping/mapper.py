@@ -69,7 +69,7 @@ def is_usable(odom_pose: FloatArray, stamp: float) -> bool:
     stamp : float
         [s]
     """
-    return bool((np.abs(odom_pose) < FARTHEST_ODOMETRY).all()) and math.isfinite(stamp)
+    return all(abs(value) < FARTHEST_ODOMETRY for value in odom_pose.tolist()) and math.isfinite(stamp)
 
 
 def continued_turn(turn: float, expected: float) -> float:

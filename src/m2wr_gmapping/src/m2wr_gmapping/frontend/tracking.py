@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Callable, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Tuple
 
 import numpy as np
 
@@ -41,6 +41,12 @@ class Tracker:
 
     Attributes
     ----------
+    track : Track
+        Motion since the last processed scan.
+    noise : Noise
+        Noise of odometry.
+    calibration : Calibration
+        Systematic errors of odometry and of the laser's mount.
     has_turned : bool
         Whether since the last processed scan the pose was found in all directions, far from odometry.
     is_unexplained : bool
@@ -53,26 +59,22 @@ class Tracker:
     def __init__(self, matcher: FastMatcher, noise: FloatArray, dense: bool, mount: FloatArray, view: float) -> None:
         self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
+        self._name_parts()
         self.has_turned = self.is_unexplained = False
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
         self._waits = False         # for the next scan
 
-    @property
-    def track(self) -> tr.Track:
-        """Motion since the last processed scan."""
-        return tr.track_of.py_func(self._track)
+    def _name_parts(self) -> None:
+        self.track: tr.Track = tr.track_of.py_func(self._track)
+        self.noise: tr.Noise = tr.noise_of.py_func(self._noise)
+        self.calibration: tr.Calibration = tr.calibration_of.py_func(self._calibration)
 
-    @property
-    def noise(self) -> tr.Noise:
-        """Noise of odometry."""
-        return tr.noise_of.py_func(self._noise)
-
-    @property
-    def calibration(self) -> tr.Calibration:
-        """Systematic errors of odometry and of the laser's mount."""
-        return tr.calibration_of.py_func(self._calibration)
+    def restore(self, stored: Dict[str, Any]) -> None:
+        """Restore stored attributes."""
+        self.__dict__.update(stored)
+        self._name_parts()
 
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""

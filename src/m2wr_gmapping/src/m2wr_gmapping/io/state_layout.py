@@ -84,7 +84,7 @@ TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES,
     "_share": Number(float, 0.0)},
-    ("_matcher", "_dense", "_view", "is_unexplained", "agrees", "_rival", "_waits"))
+    ("_matcher", "_dense", "_view", "track", "noise", "calibration", "is_unexplained", "agrees", "_rival", "_waits"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
