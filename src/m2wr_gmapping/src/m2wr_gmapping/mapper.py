@@ -343,7 +343,8 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
-            doubtful = (self._gaps.allow_turn(tracker.has_slipped, self._standstill.longest) or tracker.has_turned
+            disagreed = tracker.has_slipped or tracker.is_doubtful
+            doubtful = (self._gaps.allow_turn(disagreed, self._standstill.longest) or tracker.has_turned
                         or tracker.is_unexplained)
         particles.resample()
         particles.register(reading)

@@ -22,6 +22,7 @@ from m2wr_gmapping.frontend.matcher import (
 from m2wr_gmapping.frontend.occlusion import NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.track import Request
+from m2wr_maps.se2 import compose
 from m2wr_node.thread_team import ThreadTeam
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
@@ -60,7 +61,7 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 @pytest.mark.parametrize("end", [60.0, 3.0])
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
-    ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
+    ask = Request(START, WANTED, np.full(3, 0.1), np.full(2, 0.2), WANTED)
     row, slip, _ = matcher.track(maps, 0, reading, ask, False, 1.0, lambda pose: NO_CONFLICT, STILL)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
 
@@ -77,7 +78,7 @@ def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
     true, told = -math.radians(35.0), np.zeros(3)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 36, 37, 0.05, 20.0, max_urange=6.0)
     reading = seen(0.0, 3.0, few, true)
-    ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+    ask = Request(told, told, np.full(3, 1e-3), np.array([0.2, 0.3]), told)
 
     def conflict(pose):
         return denied if abs(pose[2] - true) > 0.1 else NO_CONFLICT
@@ -92,7 +93,7 @@ def test_a_scan_that_suddenly_fits_nothing_shows_a_turn(share, rotated, found):
     matcher, maps, _ = corridor(3.0, 1)
     true, told = -math.radians(rotated), np.zeros(3)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
-    ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+    ask = Request(told, told, np.full(3, 1e-3), np.array([0.2, 0.3]), told)
     row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, share, lambda pose: NO_CONFLICT,
                                  STILL)
     assert slip == found and row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
@@ -104,8 +105,8 @@ def test_a_scan_of_an_unknown_area_is_no_turn(conflict, found):
     """Nothing of it fits, wherever the robot would look. Only walls that it looks through show that it was moved."""
     matcher, maps, _ = corridor(3.0, 1)
     ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(LASER.angles))
-    ask = Request(np.array([5.0, 5.0, 0.0]), np.array([5.0, 5.0, 0.0]), np.full(3, 1e-3), np.full(3, 1e3),
-                  np.array([0.2, 0.3]))
+    here = np.array([5.0, 5.0, 0.0])
+    ask = Request(here, here, np.full(3, 1e-3), np.array([0.2, 0.3]), here)
     row, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 1.0, lambda pose: conflict, STILL)
     assert slip == found and row[:3] == pytest.approx([5.0, 5.0, 0.0])
 
@@ -120,7 +121,7 @@ def followed():
         rival, before, found = None, 0.0, []
         for told, true in turns:
             expected = np.array([0.0, 0.0, told])
-            ask = Request(expected, expected, np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+            ask = Request(expected, expected, np.full(3, 1e-4), np.array([0.2, 0.3]), expected)
             rival, before = rival and rival.moved([0.0, 0.0, told - before]), told
             row, slip, rival = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, 1.0, conflict, STILL,
                                              rival)
@@ -147,6 +148,49 @@ def test_evidence_of_consecutive_scans_for_a_turn_adds_up(followed):
         (DOUBTFUL, 0.0), (LARGE_SLIP, round(turn + 0.12, 1))]
 
 
+def test_a_turn_that_was_found_needs_no_further_evidence(followed):
+    """The third scan is from the place of the second; until odometry has moved on, the turn is not confirmed."""
+    turn = -math.radians(35.0)
+    found = followed(lambda pose: NO_CONFLICT, (0.0, turn), (0.12, turn + 0.12), (0.13, turn + 0.13))
+    assert found[2] == (LARGE_SLIP, round(turn + 0.13, 1))
+    # unless the scan fits by odometry
+    assert followed(lambda pose: NO_CONFLICT, (0.0, turn), (0.12, turn + 0.12), (0.13, 0.13))[2] == (NO_SLIP, 0.1)
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_robot_may_be_turned_before_it_drives_or_after(before):
+    """It crosses the corridor between two scans. If it was turned first, odometry has its direction wrong."""
+    matcher, maps, _ = corridor(3.0, 1)
+    anchor, driven, turn = np.array([0.0, -0.6, 0.5 * math.pi]), [1.2, 0.0, 0.0], [0.0, 0.0, -math.radians(100.0)]
+    told = compose(anchor, driven)
+    true = compose(compose(anchor, turn), driven) if before else compose(told, turn)
+    ask = Request(told, told, np.full(3, 1e-3), np.array([0.2, 0.3]), anchor)
+    angles = LASER.angles + true[2]
+    with np.errstate(divide="ignore"):
+        ranges = np.minimum(np.minimum((1.0 - true[1]) / np.maximum(np.sin(angles), 1e-9),
+                                       (1.0 + true[1]) / np.maximum(-np.sin(angles), 1e-9)),
+                            np.where(np.cos(angles) > 1e-9, (3.0 - true[0]) / np.cos(angles), np.inf))
+
+    def conflict(pose):
+        return NO_CONFLICT if abs(pose[2] - true[2]) < 0.3 else Conflict(90, 100, 90, 100)
+    row, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, True, 1.0, conflict, 2.0 * STILL)
+    assert slip == LARGE_SLIP and row[1:3] == pytest.approx(true[1:], abs=0.05)
+
+
+@pytest.mark.parametrize("conflict, found", [
+    (Conflict(0, 100, 60, 100), DOUBTFUL), (Conflict(60, 100, 60, 100), SLIP)])
+def test_a_person_in_front_is_no_slip(conflict, found):
+    """After a slip of 20 degrees more of the beams would fit than without it, but not 80 % of them."""
+    matcher, maps, _ = corridor(3.0, 1)
+    slipped = -math.radians(20.0)
+    ranges = np.hypot(*seen(0.0, 3.0, LASER, slipped).rays).astype(float)
+    ranges[115:] *= np.random.default_rng(3).uniform(0.4, 0.9, len(ranges) - 115)
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.array([0.2, 0.3]), np.zeros(3))
+    _, slip, _ = matcher.track(maps, 0, LASER.reading(ranges), ask, False, 0.0,
+                               lambda pose: NO_CONFLICT if abs(pose[2] - slipped) < 0.1 else conflict, 0.0)
+    assert slip == found
+
+
 def test_scans_from_one_place_are_one_observation(followed):
     assert followed(lambda pose: NO_CONFLICT, *[(0.0, -math.radians(35.0))] * 4) == [(DOUBTFUL, 0.0)] * 4
 
@@ -155,7 +199,7 @@ def test_a_slip_while_driving_is_noticed_by_the_match_alone():
     """No surface is looked through, and no score is expected: the robot drives. The slip explains all beams."""
     matcher, maps, _ = corridor(3.0, 1)
     slipped = -math.radians(15.0)
-    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.array([0.2, 0.3]), np.zeros(3))
     row, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, LASER, slipped), ask, False, 0.0, lambda pose: NO_CONFLICT,
                                  0.0)
     assert slip == SLIP and row[2] == pytest.approx(slipped, abs=0.02)
@@ -164,7 +208,7 @@ def test_a_slip_while_driving_is_noticed_by_the_match_alone():
 def test_fewer_beams_than_one_observation_decide_nothing():
     matcher, maps, _ = corridor(3.0, 1)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 8, 9, 0.05, 20.0, max_urange=6.0)
-    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.full(3, 1e4), np.array([0.2, 0.3]))
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-4), np.array([0.2, 0.3]), np.zeros(3))
     _, slip, rival = matcher.track(maps, 0, seen(0.0, 3.0, few, -math.radians(15.0)), ask, False, 1.0,
                                    lambda pose: Conflict(9, 9, 9, 9), STILL)
     assert slip == NO_SLIP and rival is None
@@ -175,7 +219,7 @@ def test_a_robot_that_drives_on_has_not_turned_on_the_spot(still, found):
     """Where a person hides all walls, a scan fits best wherever the robot looks at other ones."""
     matcher, maps, _ = corridor(3.0, 1)
     few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 72, 73, 0.05, 20.0, max_urange=6.0)
-    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+    ask = Request(np.zeros(3), np.zeros(3), np.full(3, 1e-3), np.array([0.2, 0.3]), np.zeros(3))
     _, slip, _ = matcher.track(maps, 0, seen(0.0, 3.0, few, -math.radians(35.0)), ask, False, 1.0,
                                lambda pose: NO_CONFLICT, still)
     assert slip == found

@@ -280,6 +280,21 @@ def test_turn_of_more_than_half_a_turn_is_continued(turn, expected, right):
     assert math.degrees(found) == pytest.approx(right)
 
 
+def test_disagreement_is_remembered_until_a_scan_is_processed(laser):
+    """A scan fits nothing after a second of rest; the next ones do. The robot may have been turned in between."""
+    told = path_along([[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.0]])
+    mapper, processed = run(laser, told, told, period=0.3), []
+    for k, fits in enumerate((False, True, True)):
+        told_now = compose(told[-1], [0.0, 0.0, 0.3 * (k + 1)])
+        ranges = hall_ranges(told_now, laser.angles)
+        if not fits:
+            ranges = 1.5 + 0.4 * np.random.default_rng(1).random(len(laser.angles))
+        processed.append(mapper.process(mapper.reading(ranges), told_now, 0.3 * len(told) + 1.0 + 0.3 * k).processed)
+        assert mapper._tracker.is_doubtful == (not any(processed))
+    assert processed[0] is False and any(processed)
+    mapper.close()
+
+
 def test_rate_of_rotation_is_known_from_the_second_scan_on(laser):
     """Stamps are those of the day; a reset of odometry ends the motion that was known."""
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=4, maxUrange=10.0)), laser)

@@ -210,9 +210,10 @@ class FastMatcher:
         sequential test (Wald 1945): a motion is improbable once, not for each scan after it.
 
         A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
-        nothing although the last one did. Otherwise the area may be unknown, so that a slip must fit well. Turns are
-        tried only if a scan is contradicted or fits nothing, and no slip makes it fit well. Fewer beams than count as
-        one independent observation decide nothing.
+        nothing although the last one did. Unless both scans contradict each other, or odometry, the area may be
+        unknown or hidden by a person, so that a slip must fit well. Turns are tried only if a scan is contradicted or
+        fits nothing, and no slip makes it fit well. Fewer beams than count as one independent observation decide
+        nothing.
 
         Parameters
         ----------
@@ -255,19 +256,20 @@ class FastMatcher:
             return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
         unaided = cost + contradiction
-        places = self._slips(ask, 0.0 if doubtful else tuning.MATCHING.good_share, rival)
+        demanded = denied.mutual > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
+        places = self._slips(ask, tuning.SLIPS.lost if demanded else tuning.MATCHING.good_share, rival)
         found = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
         is_contradicted = (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good
         if is_contradicted and still > 0.0 and (found is None or found.row[mk.SCORE] < good):
             # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
             tries = 0.0 if is_lost else math.log(math.pi / np.minimum(WINDOW_MOST, ask.window)[1])
             motion = Motion(True, tuning.MATCHING.good_share, max(MOST_CONFLICT, 0.5 * denied.share), still, tries)
-            turned = self._best_rival(maps, particle, reading, ask, _turns(ask.expected, motion), row, unaided,
+            turned = self._best_rival(maps, particle, reading, ask, _turns(ask, motion), row, unaided,
                                       conflict, rival)
             if turned is not None and (found is None or turned.surplus > found.surplus):
                 found = turned
         if found is not None and found.surplus > 0.0:
-            return found.row, LARGE_SLIP if found.motion.turned else SLIP, None
+            return (found.row, LARGE_SLIP, found) if found.motion.turned else (found.row, SLIP, None)
         if is_contradicted and contradiction > tuning.SLIPS.cost:
             return row, UNEXPLAINED, found
         return row, NO_SLIP if found is None and not (doubtful or is_lost) else DOUBTFUL, found
@@ -278,7 +280,7 @@ class FastMatcher:
 
         Most scans fit at once. After a long step the window of the prior is searched for the others.
         """
-        expected, variances, inverse = ask.expected, ask.variances, ask.inverse
+        expected, variances, inverse = ask.expected, ask.variances, 1.0 / ask.variances
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if not long or row[mk.SCORE] >= tuning.MATCHING.good_share * reading.beams.shape[1]:
@@ -388,10 +390,17 @@ class FastMatcher:
         return best[:3]
 
 
-def _turns(expected: FloatArray, motion: Motion) -> List[Place]:
-    """Return where the robot may be after a turn on the spot: many rooms look alike after a quarter or half a turn."""
-    angles = [2.0 * math.pi * k / tuning.SLIPS.sectors for k in range(1, tuning.SLIPS.sectors)]    # 0: a slip
-    return [(expected + [0.0, 0.0, angle], TURN_WINDOW, motion) for angle in angles]
+def _turns(ask: Request, motion: Motion) -> List[Place]:
+    """Return where the robot may be after a turn on the spot: many rooms look alike after a quarter or half a turn.
+
+    It may have been turned before it drove, or after. The middle between both ends is searched.
+    """
+    places, driven = [], ask.expected - ask.anchor
+    for k in range(1, tuning.SLIPS.sectors):        # 0: a slip
+        angle = 2.0 * math.pi * k / tuning.SLIPS.sectors
+        first = compose([*ask.anchor[:2], angle], driven)
+        places.append((np.append(0.5 * (first[:2] + ask.expected[:2]), ask.expected[2] + angle), TURN_WINDOW, motion))
+    return places
 
 
 def _denial(conflict: Callable[[FloatArray], Conflict], match: FloatArray, count: int) -> Conflict:

@@ -99,17 +99,19 @@ class Request(NamedTuple):
         Start pose in ``map``.
     expected : (3,) float64
         Pose by odometry in ``map``.
-    variances, inverse : (3,) float64
+    variances : (3,) float64
         Of the latter along its axes [m^2, m^2, rad^2].
     window : (2,) float64
         Largest displacement by a slip [m, rad].
+    anchor : (3,) float64
+        Pose at the last processed scan, in ``map``.
     """
 
     start: FloatArray
     expected: FloatArray
     variances: FloatArray
-    inverse: FloatArray
     window: FloatArray
+    anchor: FloatArray
 
 
 class StepRecord(NamedTuple):

@@ -11,7 +11,7 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend import tracking_kernels as tk
-from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
+from m2wr_gmapping.frontend.matcher import DOUBTFUL, LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
 
 if TYPE_CHECKING:
     from m2wr_gmapping.filter.tile_maps import TileMaps
@@ -49,6 +49,8 @@ class Tracker:
         Systematic errors of odometry and of the laser's mount.
     has_turned : bool
         Whether since the last processed scan the pose was found in all directions, far from odometry.
+    is_doubtful : bool
+        Whether since the last processed scan laser and odometry contradicted each other.
     is_unexplained : bool
         Whether older scans contradict the newest one, and no pose that was tried explains it.
     agrees : bool
@@ -60,7 +62,7 @@ class Tracker:
         self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
         self._name_parts()
-        self.has_turned = self.is_unexplained = False
+        self.has_turned = self.is_doubtful = self.is_unexplained = False
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
@@ -79,7 +81,7 @@ class Tracker:
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
         self._track[:] = 0.0
-        self.has_turned = self.is_unexplained = False
+        self.has_turned = self.is_doubtful = self.is_unexplained = False
         self._share = 1.0
 
     def relax_prior(self) -> None:
@@ -172,7 +174,7 @@ class Tracker:
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
         long, start, expected, variances, window = tk.expect(self._track, self._noise, anchor)
-        ask = tr.Request(start, expected, variances, 1.0 / variances, window)
+        ask = tr.Request(start, expected, variances, window, anchor)
         row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
                                                      rival)
         found = float(row[mk.SCORE]) / reading.beams.shape[1]
@@ -183,6 +185,7 @@ class Tracker:
             share = found       # one that fits nothing does not tell how well the next should fit
         self._share = share
         self.has_turned |= slip == LARGE_SLIP
+        self.is_doubtful |= slip in (DOUBTFUL, UNEXPLAINED)
         self.is_unexplained = slip == UNEXPLAINED
         self.agrees = bool(row[mk.SCORE] >= max(tuning.SLIPS.lost * reading.beams.shape[1],
                                                 tuning.MATCHING.good_share * tuning.SEARCH.fewest)
