@@ -204,10 +204,11 @@ class FastMatcher:
 
         The scan is first matched with the prior of odometry. If it does not fit well after a long step, the window that
         the prior leaves is searched. If it is doubtful then, or fits less than half, two kinds of motion are tried that
-        odometry has not measured: a slip of the wheels, and a turn on the spot by a person. Such a motion must explain the scan better by its own improbability. How well a
-        pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few beams
-        could not outweigh that improbability by its match alone. The evidence of consecutive scans adds up, as in a
-        sequential test (Wald 1945): a motion is improbable once, not for each scan after it.
+        odometry has not measured: a slip of the wheels, and a turn on the spot by a person. Such a motion must explain
+        the scan better by its own improbability. How well a pose explains a scan includes what older scans say against
+        it, see ``occlusion_cost``: a scan with few beams could not outweigh that improbability by its match alone. The
+        evidence of consecutive scans adds up, as in a sequential test (Wald 1945): a motion is improbable once, not for
+        each scan after it.
 
         A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
         nothing although the last one did. Unless both scans contradict each other, or odometry, the area may be

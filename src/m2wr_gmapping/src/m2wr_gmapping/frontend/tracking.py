@@ -41,11 +41,11 @@ class Tracker:
 
     Attributes
     ----------
-    track : Track
+    track : frontend.track.Track
         Motion since the last processed scan.
-    noise : Noise
+    noise : frontend.track.Noise
         Noise of odometry.
-    calibration : Calibration
+    calibration : frontend.track.Calibration
         Systematic errors of odometry and of the laser's mount.
     has_turned : bool
         Whether since the last processed scan the pose was found in all directions, far from odometry.
