@@ -111,7 +111,7 @@ def test_slow_steps_are_extrapolated():
     assert pose == pytest.approx(end, abs=1e-9)
 
 
-def test_an_extrapolated_step_moves_no_end_point_by_more_than_a_cell():
+def test_an_extrapolation_is_limited_to_a_cell():
     pose, before = np.zeros(3), np.zeros(6)
     mk._advance(np.array([0.02, 0.0, 0.01]), 4.0, True, pose, before)
     mk._advance(np.array([0.02, 0.0, 0.00999]), 4.0, False, pose, before)
