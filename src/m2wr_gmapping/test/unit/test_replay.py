@@ -145,21 +145,25 @@ def test_the_graph_has_a_node_for_each_processed_scan(tmp_path, ring, laser):
     np.testing.assert_allclose(found.nodes[:, :2], table(tmp_path / "path")[:, 1:3], atol=1e-5)
 
 
-def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):
-    """As over a bad radio link: transforms arrive in time, three scans after scans 2 s newer."""
-    truth = write_bag(tmp_path / "drive.bag", ring, laser)
-
+def delayed(places, delay):
+    """Function for ``rewrite``: the scans with these numbers, from 1 on, are recorded ``delay`` seconds later."""
     def late(messages):
         kept, place = [], 0
         for topic, message, stamp in messages:
             place += topic == "/scan"
-            if topic == "/scan" and place in (30, 31, 32):
-                kept.append((topic, message, stamp + rospy.Duration(2.05)))
+            if topic == "/scan" and place in places:
+                kept.append((topic, message, stamp + rospy.Duration(delay)))
             else:
                 yield topic, message, stamp
             while kept and kept[0][2] <= stamp:
                 yield kept.pop(0)
-    rewrite(tmp_path / "drive.bag", late)
+    return late
+
+
+def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):
+    """As over a bad radio link: transforms arrive in time, three scans after scans 2 s newer."""
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    rewrite(tmp_path / "drive.bag", delayed((30, 31, 32), 2.05))
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "late"))
     assert len(truth) > 54
     assert code == 0 and (stats["time_jumps"], stats["unused"]) == (0, {"out of order": 3})
@@ -169,17 +173,7 @@ def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):
 def test_a_scan_that_arrives_after_newer_ones_is_left_out(tmp_path, ring, laser, caplog):
     """As in the live node: between the poses before and after it the robot may have been turned."""
     write_bag(tmp_path / "drive.bag", ring, laser)
-
-    def late(messages):
-        kept = []
-        for topic, message, stamp in messages:
-            if topic == "/scan" and message.header.stamp == rospy.Time(102, 500000000):
-                kept.append((topic, message, stamp + rospy.Duration(0.25)))
-            else:
-                yield topic, message, stamp
-            while kept and kept[0][2] <= stamp:
-                yield kept.pop(0)
-    rewrite(tmp_path / "drive.bag", late)
+    rewrite(tmp_path / "drive.bag", delayed((26,), 0.25))
     code, stats = run(tmp_path, "--online", str(tmp_path / "poses"))
     assert code == 0 and stats["unused"] == {"out of order": 1}
     assert "the scan at 102.500 is not used: it arrived after one at 102.700" in caplog.text
