@@ -153,13 +153,15 @@ class ScanSource:
                 return
             self._jump(self._last, self._odd[0].header.stamp)
             self._waiting.extend(self._odd)
+            self._odd = []
         else:
             self._lose_odd(len(self._odd))
+            self._odd = []
             if self._taken is not None and stamp < self._taken:
                 self._lose(OUT_OF_ORDER, 1, "the scan at {:.3f} is not used: it arrived after one at {:.3f}".format(
                     stamp.to_sec(), self._taken.to_sec()))
                 return
-        self._odd, self._before_last, self._last = [], self._last, stamp
+        self._before_last, self._last = self._last, stamp
         self._old.clear()
         place = len(self._waiting)
         while place and stamp < self._waiting[place - 1].header.stamp:
