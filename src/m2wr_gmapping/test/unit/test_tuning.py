@@ -34,7 +34,7 @@ KEPT = {
     "frontend/scan.py": {"FARTHEST": "limit of input", "TILT_TOLERANCE": "limit of input"},
     "frontend/track.py": dict.fromkeys(
         "DISTANCE ROTATION DRIFT MOUNT_X MOUNT_Y MOUNT_YAW PARAMETERS TRACK_SIZE CALIBRATION_SIZE NOISE_SIZE "
-        "RECORD_SIZE".split(), "indices and layout"),
+        "REQUEST_SIZE RECORD_SIZE".split(), "indices and layout"),
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},

@@ -425,8 +425,8 @@ def _is_as_good(other: FloatArray, known: IndexArray, pose: FloatArray, referenc
     return bool(ratings[0] >= SEARCH.rival * ratings[1])
 
 
-def near_places(middles: FloatArray, away: FloatArray, reach: float, least: Union[float, FloatArray] = 0.0,
-                most: Union[float, FloatArray] = np.inf) -> Uint8Array:
+def near_places(middles: FloatArray, away: FloatArray, reach: Union[float, FloatArray],
+                least: Union[float, FloatArray] = 0.0, most: Union[float, FloatArray] = np.inf) -> Uint8Array:
     """Return the offsets of a search that are near a place.
 
     Parameters
@@ -435,8 +435,8 @@ def near_places(middles: FloatArray, away: FloatArray, reach: float, least: Unio
         Offsets along either axis [m].
     away : (C, 2) float64
         Places, as offsets in the map's axes [m].
-    reach : float
-        Greatest distance from a place [m].
+    reach : float or (C,) float64
+        Greatest distance from each place [m].
     least, most : float or (C,) float64
         Least and greatest length of an offset for each place [m].
 
@@ -447,6 +447,6 @@ def near_places(middles: FloatArray, away: FloatArray, reach: float, least: Unio
     """
     near = np.zeros((len(middles), len(middles)), np.uint8)
     if len(middles) > 1:
-        least, most = (np.array(np.broadcast_to(limit, len(away)), float) for limit in (least, most))
-        ck.mark_near(middles, np.ascontiguousarray(away), least, most, reach, near)
+        limits = [np.array(np.broadcast_to(limit, len(away)), float) for limit in (least, most, reach)]
+        ck.mark_near(middles, np.ascontiguousarray(away), *limits, near)
     return near

@@ -82,9 +82,10 @@ class TurnedPath:
         follows = bool(self._finds) and self._finds[-1].along == self._searched_at
         if here - self._searched_at < (LOOPS.every if follows else LOOPS.spacing):
             return None
+        if not _decidable(doubtful, along):
+            return None
         self._remove_settled(path, doubtful)
-        # the newest scans have to be from after the turn, and the oldest from before
-        doubts = [doubt for doubt in doubtful if SEARCH.path < along[doubt[0]] < here - SEARCH.path]
+        doubts = _decidable(doubtful, along)
         if not any(alike.any() for _, alike in doubts):
             return None
         self._searched_at = here
@@ -137,12 +138,13 @@ class TurnedPath:
             return None
         old = path[:last, :2]
         centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
-        turned = [(compose([0.0, 0.0, angle], newest - path[node])[:2] + path[node, :2] - centre, shift[node])
-                  for node in nodes for angle in RIGHT_ANGLES]
+        turned = np.concatenate([compose([0.0, 0.0, angle], newest - path[nodes])[:, :2] + path[nodes, :2] - centre
+                                 for angle in RIGHT_ANGLES])
+        reach = DRIFT.room + np.tile(shift[nodes], len(RIGHT_ANGLES))
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            near = [place_search.near_places(middles, away[None], DRIFT.room + reach) for away, reach in turned]
-            return place_search.near_places(middles, old - centre, DRIFT.room) * np.maximum.reduce(near)
+            return place_search.near_places(middles, old - centre, DRIFT.room) \
+                * place_search.near_places(middles, turned, reach)
 
         window = float((old.max(axis=0) - centre).max()) + DRIFT.room
         pose = np.append(centre, newest[2])
@@ -170,6 +172,11 @@ class TurnedPath:
         if closure.slides or _score_before(query, route, node) > SEARCH.rival * place.score:
             return None
         return TurnedFind(float(route.along[-1]), node, closure.link, compose(closure.pose, inverse(path[-1])))
+
+
+def _decidable(doubtful: List[Doubt], along: FloatArray) -> List[Doubt]:
+    """Return the doubts for which the newest scans are from after the turn, and the oldest from before."""
+    return [doubt for doubt in doubtful if SEARCH.path < along[doubt[0]] < along[-1] - SEARCH.path]
 
 
 def _score_before(query: FloatArray, route: Route, node: int) -> float:

@@ -262,7 +262,7 @@ def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
 
 
 @kernel
-def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: FloatArray, room: float,
+def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: FloatArray, room: FloatArray,
               near: Uint8Array) -> None:
     """Mark the offsets that lead close to one of some places and have an allowed length.
 
@@ -276,14 +276,14 @@ def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: 
         Allowed length of the offset [m].
     most : (C,) float64
         Allowed length of the offset [m].
-    room : float
-        Greatest distance along either axis [m].
+    room : (C,) float64
+        Greatest distance from the place along either axis [m].
     near : (N, N) uint8
         Written: 1 for marked offsets, rows along y.
     """
     size, count = middles[1] - middles[0], middles.shape[0]
-    beside = int(math.ceil(room / size))
     for k in range(places.shape[0]):
+        beside = int(math.ceil(room[k] / size))
         column = int(round((places[k, 0] - middles[0]) / size))
         row = int(round((places[k, 1] - middles[0]) / size))
         for y in range(max(0, row - beside), min(count, row + beside + 1)):

@@ -13,7 +13,7 @@ from m2wr_gmapping.filter.tile_kernels import draw_field, tiles_around
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
-from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
+from m2wr_gmapping.frontend.information_kernels import fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.standstill import turn_cost
 from m2wr_maps.se2 import between, compose
@@ -159,7 +159,7 @@ class FastMatcher:
         return results
 
     def match_one(self, maps: TileMaps, particle: int, beams: FloatArray, start: FloatArray, prediction: FloatArray,
-                  prior: FloatArray, near: bool = False) -> FloatArray:
+                  prior: FloatArray) -> FloatArray:
         """Match in the map of one particle.
 
         Parameters
@@ -176,8 +176,6 @@ class FastMatcher:
             Pose predicted by odometry.
         prior : (3,) float64
             Inverse variances along the axes of the prediction.
-        near : bool
-            Whether the match begins with the last width of the robust kernel.
 
         Returns
         -------
@@ -186,16 +184,20 @@ class FastMatcher:
         """
         rows = np.empty((1, mk.RESULT_SIZE))
         mk.match_particles(start[None], prediction[None], 0, 1, beams, maps.table[particle:particle + 1], maps.mean,
-                           maps.hits, maps.frame, prior, self._near_settings if near else self._settings, -math.inf,
-                           rows)
+                           maps.hits, maps.frame, prior, self._settings, -math.inf, rows)
         return rows[0]
 
-    def _fused(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
-               prior: FloatArray, near: bool = False) -> FloatArray:
-        """``match_one``, with odometry along directions that the scan does not observe; see ``fuse``."""
-        row = self.match_one(maps, particle, reading.beams, start, prediction, prior, near)
-        fuse(row, prediction, prior)
-        return row
+    def _match(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, expected: FloatArray,
+               variances: FloatArray, near: bool = False) -> Tuple[FloatArray, float, float]:
+        """Return the match with odometry in the map of one particle, its cost and pull; see ``match_with_odometry``.
+
+        With ``near`` it begins with the last width of the robust kernel.
+        """
+        row = np.empty(mk.RESULT_SIZE)
+        cost, pull = tk.match_with_odometry(
+            start, expected, variances, reading.beams, maps.table[particle:particle + 1], maps.mean, maps.hits,
+            maps.frame, self._near_settings if near else self._settings, row)
+        return row, cost, pull
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool, share: float,
               conflict: Callable[[FloatArray], Conflict], still: float,
@@ -281,19 +283,17 @@ class FastMatcher:
 
         Most scans fit at once. After a long step the window of the prior is searched for the others.
         """
-        expected, variances, inverse = ask.expected, ask.variances, 1.0 / ask.variances
-        row = self._fused(maps, particle, reading, ask.start, expected, inverse)
-        best, pull = tk.cost_of(row, expected, variances)
+        expected, variances = ask.expected, ask.variances
+        row, best, pull = self._match(maps, particle, reading, ask.start, expected, variances)
         if not long or row[mk.SCORE] >= tuning.MATCHING.good_share * reading.beams.shape[1]:
             return row, best, pull
         deviations = np.sqrt([variances[:2].max(), variances[2]])
         window = np.minimum(tuning.MATCHING.certain * deviations, WINDOW_MOST)
         if (window > BASIN).any():
             begin = self.search(maps, particle, reading, expected, window, deviations)
-            other = self._fused(maps, particle, reading, begin, expected, inverse)
-            cost, other_pull = tk.cost_of(other, expected, variances)
-            if cost < best:
-                row, best, pull = other, cost, other_pull
+            other = self._match(maps, particle, reading, begin, expected, variances)
+            if other[1] < best:
+                return other
         return row, best, pull
 
     @staticmethod
@@ -319,14 +319,13 @@ class FastMatcher:
         for centre, window, motion in places:
             deviations = window / tuning.DRIFT.deviations
             variances = np.square(deviations)[[0, 0, 1]]
-            prior, matches = 1.0 / variances, []
+            matches = []
             if not motion.turned:
-                matches.append(self._fused(maps, particle, reading, row[:3], centre, prior, near=True))
-            if not matches or matches[0][mk.SCORE] < tuning.MATCHING.good_share * count:
+                matches.append(self._match(maps, particle, reading, row[:3], centre, variances, near=True))
+            if not matches or matches[0][0][mk.SCORE] < tuning.MATCHING.good_share * count:
                 begin = self.search(maps, particle, reading, centre, window, deviations)
-                matches.append(self._fused(maps, particle, reading, begin, centre, prior))
-            for other in matches:
-                cost = tk.cost_of(other, centre, variances)[0]
+                matches.append(self._match(maps, particle, reading, begin, centre, variances))
+            for other, cost, _ in matches:
                 if cost >= unaided or other[mk.SCORE] < motion.least_share * count:
                     continue
                 against = conflict(other[:3]) if motion.turned else _denial(conflict, other, count)

@@ -141,7 +141,7 @@ class StepRecord(NamedTuple):
 # Each of these is stored in one flat array, which the kernels take: numba needs microseconds to recognise a tuple of
 # several arrays. The functions below give names to its parts, in kernels and in Python.
 
-TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, RECORD_SIZE = 39, 45, 12, 67
+TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 39, 45, 12, 14, 67
 
 
 @kernel
@@ -161,6 +161,12 @@ def calibration_of(data: FloatArray) -> Calibration:
 def noise_of(data: FloatArray) -> Noise:
     """Return the named parts of ``data`` (NOISE_SIZE,) float64, as views."""
     return Noise(data[:4].reshape(2, 2), data[4:8].reshape(2, 2), data[8:12].reshape(2, 2))
+
+
+@kernel
+def request_of(data: FloatArray) -> Request:
+    """Return the named parts of ``data`` (REQUEST_SIZE,) float64, as views."""
+    return Request(data[:3], data[3:6], data[6:9], data[9:11], data[11:14])
 
 
 @kernel

@@ -173,8 +173,8 @@ class Tracker:
             return False
         share = self._expected_share(track.since_match)
         rival = None if self._rival is None else self._rival.moved(track.since_match)
-        long, start, expected, variances, window = tk.expect(self._track, self._noise, anchor)
-        ask = tr.Request(start, expected, variances, window, anchor)
+        data = np.empty(tr.REQUEST_SIZE)
+        long, ask = tk.expect(self._track, self._noise, anchor, data), tr.request_of.py_func(data)
         row, slip, self._rival = self._matcher.track(maps, particle, reading, ask, long, share, conflict, still,
                                                      rival)
         found = float(row[mk.SCORE]) / reading.beams.shape[1]

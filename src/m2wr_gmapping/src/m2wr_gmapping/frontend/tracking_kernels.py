@@ -14,16 +14,14 @@ from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import calibration_kernels as ck
 from m2wr_gmapping.frontend import information_kernels as ik
 from m2wr_gmapping.frontend import track as tr
-from m2wr_gmapping.frontend.match_kernels import COST
+from m2wr_gmapping.frontend.match_kernels import COST, RESULT_SIZE, match_particles
 from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
 from m2wr_maps.linear_kernels import product, transformed
 from m2wr_maps.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
-    from m2wr_node.array_types import FloatArray
-
-    Expectation = Tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]
+    from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
@@ -91,8 +89,8 @@ def prediction_variances(track: tr.Track, noise: tr.Noise, out: FloatArray) -> N
 
 
 @kernel
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray) -> Expectation:
-    """Return start and prediction of the newest scan's match.
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, request_data: FloatArray) -> bool:
+    """Write start and prediction of the newest scan's match.
 
     Parameters
     ----------
@@ -102,24 +100,25 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray) -
         Of a Noise.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
+    request_data : (REQUEST_SIZE,) float64
+        Of a Request; written.
 
     Returns
     -------
-    long : bool
+    bool
         Whether the step since the last match was so long that a match may converge to a wrong pose.
-    start, expected, variances, window
-        As of a Request.
     """
-    track, noise = tr.track_of(track_data), tr.noise_of(noise_data)
-    since, start, expected, variances = track.since_match, np.empty(3), np.empty(3), np.empty(3)
+    track, noise, ask = tr.track_of(track_data), tr.noise_of(noise_data), tr.request_of(request_data)
+    since = track.since_match
     distance, turn = math.hypot(since[0], since[1]), abs(since[2])
     long = exceeds(since[0], since[1], since[2], LONG_STEP)
     since[:] = 0.0
-    compose(anchor, track.matched, start)
-    compose(anchor, track.predicted, expected)
-    prediction_variances(track, noise, variances)
-    window = np.array([SLIP_FLOOR[0] + SLIP_SHARE * distance, SLIP_FLOOR[1] + SLIP_SHARE * turn])
-    return long, start, expected, variances, window
+    compose(anchor, track.matched, ask.start)
+    compose(anchor, track.predicted, ask.expected)
+    prediction_variances(track, noise, ask.variances)
+    ask.window[0], ask.window[1] = SLIP_FLOOR[0] + SLIP_SHARE * distance, SLIP_FLOOR[1] + SLIP_SHARE * turn
+    ask.anchor[:] = anchor
+    return long
 
 
 @kernel
@@ -145,6 +144,39 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
     x, y, turn = between(expected, row)
     pull = x * x / variances[0] + y * y / variances[1] + turn * turn / variances[2]
     return row[COST] / ik.DEPENDENT + 0.5 * pull, pull
+
+
+@kernel
+def match_with_odometry(start: FloatArray, expected: FloatArray, variances: FloatArray, beams: FloatArray,
+                        table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
+                        settings: FloatArray, row: FloatArray) -> Tuple[float, float]:
+    """Match in one map, with odometry along directions that the scan does not observe.
+
+    Parameters
+    ----------
+    start : (3,) float64
+        Start pose in ``map``.
+    expected : (3,) float64
+        Pose by odometry in ``map``.
+    variances : (3,) float64
+        Its variances [m^2, m^2, rad^2].
+    beams, mean, hits, frame, settings
+        As of ``match_particles``.
+    table : (1, H, W) int32
+        Tile at each place, -1 for none.
+    row : (13,) float64
+        Result row; written.
+
+    Returns
+    -------
+    cost, pull : float
+        As of ``cost_of``.
+    """
+    prior = 1.0 / variances
+    match_particles(start.reshape(1, 3), expected.reshape(1, 3), 0, 1, beams, table, mean, hits, frame, prior, settings,
+                    -math.inf, row.reshape(1, RESULT_SIZE))
+    ik.fuse(row, expected, prior)
+    return cost_of(row, expected, variances)
 
 
 @kernel
