@@ -331,7 +331,7 @@ class Mapper:
                     or abs(float(rel[2])) >= self.config["angularUpdate"])
 
     def _process_fully(self, reading: ScanReading, stamp: float) -> None:
-        particles, tracker, doubtful = self.particles, self._tracker, False
+        particles, tracker, doubtful, turned = self.particles, self._tracker, False, 0.0
         anchors, least = particles.poses, self.config["minimumScore"]
         if tracker is None:
             particles.match(reading, anchors, anchors, np.zeros(3), least, None)
@@ -344,7 +344,8 @@ class Mapper:
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
             disagreed = tracker.has_slipped or tracker.is_doubtful
-            doubtful = (self._gaps.allow_turn(disagreed, self._standstill.longest) or tracker.has_turned
+            turned = tracker.turned
+            doubtful = (self._gaps.allow_turn(disagreed, self._standstill.longest) or turned != 0.0
                         or tracker.is_unexplained)
         particles.resample()
         particles.register(reading)
@@ -354,7 +355,7 @@ class Mapper:
         if self._loops is not None:
             path = particles.tree.path(particles.best)
             if doubtful:
-                self._history.mark_doubtful(looks_alike(path, self.readings))
+                self._history.mark_doubtful(looks_alike(path, self.readings, turned))
             self._replace_path(self._loops.search(path, self.readings))
 
     def _recalibrate(self) -> None:

@@ -214,6 +214,56 @@ def test_fewer_beams_than_one_observation_decide_nothing():
     assert slip == NO_SLIP and rival is None
 
 
+@pytest.mark.parametrize("heading", [-35.0, 0.0])
+@pytest.mark.parametrize("scans, slip", [(2, LARGE_SLIP), (1, NO_SLIP)])
+def test_too_few_beams_leave_a_turn_as_it_is(heading, scans, slip):
+    """They neither end a turn that was found, nor decide about one that was not, even if they fit by odometry."""
+    matcher, maps, _ = corridor(3.0, 1)
+    turn, told, rival = -math.radians(35.0), 0.0, None
+    for count, true in [(37, turn), (37, turn + 0.12)][:scans] + [(9, math.radians(heading) + 0.12)]:
+        few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / (count - 1), count, 0.05, 20.0,
+                                      max_urange=6.0)
+        ask = Request(*[np.array([0.0, 0.0, told])] * 2, np.full(3, 1e-4), np.array([0.2, 0.3]), np.zeros(3))
+        before = rival
+        row, found, rival = matcher.track(maps, 0, seen(0.0, 3.0, few, true), ask, False, 1.0,
+                                          lambda pose: NO_CONFLICT, STILL, rival)
+        told, rival = 0.12, rival and rival.moved([0.0, 0.0, 0.12 - told])
+    assert found == slip and before is not None and rival.evidence == before.evidence
+    assert row[2] == pytest.approx(turn + 0.12 if slip == LARGE_SLIP else 0.12, abs=0.05)
+
+
+def room_with_cupboard():
+    """Matcher, map of a room of 6 m by 2 m from its middle, and a function that returns its scan at a heading.
+
+    The room looks alike after half a turn, but for a cupboard ahead.
+    """
+    matcher, maps = FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), TileMaps(1, 0.05, NEVER)
+    laser = LaserModel.from_message(-math.pi, math.pi, math.pi / 180, 361, 0.05, 20.0, max_urange=6.0)
+
+    def scan(heading):
+        angles = laser.angles + heading
+        with np.errstate(divide="ignore"):
+            found = np.minimum(1.0 / np.abs(np.sin(angles)), 3.0 / np.abs(np.cos(angles)))
+        is_ahead = np.cos(angles - 0.3) > math.cos(0.3)
+        return laser.reading(np.where(is_ahead, 0.7 * found, found))
+    maps.cover((-8.0, -8.0), (8.0, 8.0))
+    maps.register(np.zeros((1, 3)), scan(0.0).points, 0)
+    return matcher, maps, scan
+
+
+@pytest.mark.parametrize("headings, slip", [((math.pi,), SLIP), ((1.8, math.pi), LARGE_SLIP)])
+def test_a_slip_does_not_end_a_turn_that_goes_further(headings, slip):
+    """After half a turn a slip of 0.45 rad explains more than 80 % of the beams."""
+    matcher, maps, scan = room_with_cupboard()
+    ask, rival = Request(*[np.array([0.0, 0.0, 0.45])] * 2, np.full(3, 1e-3), np.array([0.3, 0.5]), np.zeros(3)), None
+    for true in headings:
+        def conflict(pose, true=true):
+            return NO_CONFLICT if math.cos(pose[2] - true) > 0.9 else Conflict(30, 100, 30, 100)
+        row, found, rival = matcher.track(maps, 0, scan(true), ask, False, 1.0, conflict, STILL, rival)
+    assert found == slip
+    assert abs(math.remainder(row[2] - (math.pi if slip == LARGE_SLIP else 0.0), 2.0 * math.pi)) < 0.02
+
+
 @pytest.mark.parametrize("still, found", [(1.0, LARGE_SLIP), (0.05, DOUBTFUL), (0.0, DOUBTFUL)])
 def test_a_robot_that_drives_on_has_not_turned_on_the_spot(still, found):
     """Where a person hides all walls, a scan fits best wherever the robot looks at other ones."""

@@ -91,16 +91,18 @@ def test_without_a_turn_the_path_goes_straight_on(askew, missing, doubtful):
     assert len(mapper._history.doubtful) == doubtful
 
 
-@pytest.mark.parametrize("size, alike", [
-    ((6.0, 6.0), [True, True, True]), ((8.0, 4.0), [True, False, False])])
-def test_a_square_room_looks_alike_after_a_quarter_turn(size, alike):
+@pytest.mark.parametrize("size, turned, alike", [
+    ((6.0, 6.0), 0.0, [True, True, True]), ((8.0, 4.0), 0.0, [True, False, False]),
+    ((6.0, 6.0), 1.4, [True, True, False]), ((6.0, 6.0), -3.0, [False, True, True])])
+def test_a_square_room_looks_alike_after_a_quarter_turn(size, turned, alike):
+    """Where a turn was noticed, the turn back is none of them."""
     x, y = 0.5 * np.array(size)
     walls = np.array([(-x, -y, x, -y), (x, -y, x, y), (x, y, -x, y), (-x, y, -x, -y)])
     laser = LaserModel.from_message(-math.pi, math.pi, math.pi / 120, 241, 0.05, 8.0)
     path = np.zeros((6, 3))
     path[:, 0] = np.linspace(-1.0, 0.0, 6)
     seen = [laser.reading(ranges(walls, pose, laser.angles)) for pose in path]
-    assert list(turned_path.looks_alike(path, seen)) == alike
+    assert list(turned_path.looks_alike(path, seen, turned)) == alike
 
 
 @pytest.mark.parametrize("turn", [math.pi, 0.5 * math.pi, -0.5 * math.pi, 3.0])

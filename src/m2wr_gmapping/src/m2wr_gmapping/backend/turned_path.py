@@ -189,10 +189,11 @@ def _score_before(query: FloatArray, route: Route, node: int) -> float:
     return place_search.score_here(query, route, reference)
 
 
-def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
+def looks_alike(path: FloatArray, readings: Sequence[ScanReading], turned: float = 0.0) -> BoolArray:
     """Return after which of RIGHT_ANGLES the newest scan fits the older ones as well as at its present pose, (3,) bool.
 
-    A turn after which it fits worse would have been noticed. A scan with few end points fits after each.
+    A turn after which it fits worse would have been noticed. A scan with few end points fits after each. If the pose
+    was found after a turn, scans have decided already that the robot was turned: a turn back is left out.
 
     Parameters
     ----------
@@ -200,18 +201,21 @@ def looks_alike(path: FloatArray, readings: Sequence[ScanReading]) -> BoolArray:
         Poses of the best particle at all processed scans [m, m, rad], in ``map``.
     readings : sequence of K ScanReading
         Scans of the path's nodes.
+    turned : float
+        Turn on the spot after which the pose was found, 0 for none [rad].
     """
+    possible = np.array([turned == 0.0 or abs(wrap(angle + turned)) > 0.25 * math.pi for angle in RIGHT_ANGLES])
     route, newest = Route(path, distances_along(path), readings), path[-1]
     query = few_points(readings[len(path) - 1].points)
     around = np.flatnonzero(np.hypot(*(path[:-1] - newest)[:, :2].T) < SEARCH.reach)
     if query.shape[1] < SEARCH.fewest or not len(around):
-        return np.ones(len(RIGHT_ANGLES), bool)
+        return possible
     raster = place_search.raster_around(newest, query, route, evenly(around, SEARCH.nodes[1]), DRIFT.room,
                                         SEARCH.cells[1])
     least = SEARCH.rival * place_search.coarse_search(raster, newest, query, *SEARCH.local)[3]
     scores = [place_search.coarse_search(raster, newest, query, DRIFT.room, DRIFT.least[1], least, None, (angle,))[3]
               for angle in RIGHT_ANGLES]
-    return np.array([score >= least for score in scores])
+    return possible & [score >= least for score in scores]
 
 
 def is_consistent(graph: LoopGraph, route: Route, node: int) -> bool:

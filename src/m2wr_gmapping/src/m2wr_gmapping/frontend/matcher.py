@@ -215,8 +215,9 @@ class FastMatcher:
         A match is doubtful if older scans contradict it, if it is far from odometry, or if a scan suddenly fits
         nothing although the last one did. Unless both scans contradict each other, or odometry, the area may be
         unknown or hidden by a person, so that a slip must fit well. Turns are tried only if a scan is contradicted or
-        fits nothing, and no slip makes it fit well. Fewer beams than count as one independent observation decide
-        nothing.
+        fits nothing, and no slip makes it fit well, unless the scan before has shown a turn: a person may still be
+        turning the robot. Fewer beams than count as one independent observation decide nothing: a turn that was found
+        before them still holds.
 
         Parameters
         ----------
@@ -255,7 +256,9 @@ class FastMatcher:
         doubtful = denied.share > MOST_CONFLICT or pull >= tuning.MATCHING.certain**2
         is_lost = row[mk.SCORE] < tuning.SLIPS.lost * share * count
         fits = row[mk.SCORE] >= tuning.SLIPS.lost * count
-        if fits and not doubtful or count < tuning.MATCHING.dependent:
+        if count < tuning.MATCHING.dependent:
+            return (row, NO_SLIP, rival) if rival is None or rival.surplus <= 0.0 else (rival.row, LARGE_SLIP, rival)
+        if fits and not doubtful:
             return row, NO_SLIP, None
         contradiction = occlusion_cost(denied.mutual, count)
         unaided = cost + contradiction
@@ -263,7 +266,8 @@ class FastMatcher:
         places = self._slips(ask, tuning.SLIPS.lost if demanded else tuning.MATCHING.good_share, rival)
         found = self._best_rival(maps, particle, reading, ask, places, row, unaided, conflict, rival)
         is_contradicted = (denied.share > MOST_CONFLICT or is_lost) and row[mk.SCORE] < good
-        if is_contradicted and still > 0.0 and (found is None or found.row[mk.SCORE] < good):
+        was_turned = rival is not None and rival.motion.turned
+        if is_contradicted and still > 0.0 and (found is None or found.row[mk.SCORE] < good or was_turned):
             # the more directions are tried, the more is needed; a scan that fits nothing is improbable enough
             tries = 0.0 if is_lost else math.log(math.pi / np.minimum(WINDOW_MOST, ask.window)[1])
             motion = Motion(True, tuning.MATCHING.good_share, max(MOST_CONFLICT, 0.5 * denied.share), still, tries)

@@ -12,6 +12,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import DOUBTFUL, LARGE_SLIP, NO_SLIP, SLIP, UNEXPLAINED
+from m2wr_maps.se2 import between
 
 if TYPE_CHECKING:
     from m2wr_gmapping.filter.tile_maps import TileMaps
@@ -47,8 +48,8 @@ class Tracker:
         Noise of odometry.
     calibration : frontend.track.Calibration
         Systematic errors of odometry and of the laser's mount.
-    has_turned : bool
-        Whether since the last processed scan the pose was found in all directions, far from odometry.
+    turned : float
+        Angle of a turn on the spot that odometry has not measured, since the last processed scan; 0 for none [rad].
     is_doubtful : bool
         Whether since the last processed scan laser and odometry contradicted each other.
     is_unexplained : bool
@@ -62,7 +63,8 @@ class Tracker:
         self._matcher, self._dense, self._view = matcher, dense, view
         self._track, self._noise, self._calibration = tr.new_track(), tr.new_noise(noise), tr.new_calibration(mount)
         self._name_parts()
-        self.has_turned = self.is_doubtful = self.is_unexplained = False
+        self.turned = 0.0
+        self.is_doubtful = self.is_unexplained = False
         self.agrees = True
         self._share = 1.0           # score per beam of the last match, against the map with the last processed scan
         self._rival: Optional[Rival] = None
@@ -81,7 +83,8 @@ class Tracker:
     def restart(self) -> None:
         """Restart at the newest scan, which was processed."""
         self._track[:] = 0.0
-        self.has_turned = self.is_doubtful = self.is_unexplained = False
+        self.turned = 0.0
+        self.is_doubtful = self.is_unexplained = False
         self._share = 1.0
 
     def relax_prior(self) -> None:
@@ -184,7 +187,8 @@ class Tracker:
         if found >= tuning.SLIPS.lost * share:
             share = found       # one that fits nothing does not tell how well the next should fit
         self._share = share
-        self.has_turned |= slip == LARGE_SLIP
+        if slip == LARGE_SLIP:
+            self.turned = float(between(ask.expected, row[:3])[2])
         self.is_doubtful |= slip in (DOUBTFUL, UNEXPLAINED)
         self.is_unexplained = slip == UNEXPLAINED
         self.agrees = bool(row[mk.SCORE] >= max(tuning.SLIPS.lost * reading.beams.shape[1],
@@ -192,6 +196,8 @@ class Tracker:
                            and slip == NO_SLIP)
         tk.accept_match(self._track, self._noise, anchor, row, slip in (SLIP, LARGE_SLIP),
                         slip != LARGE_SLIP and (long or not self._dense))
+        if slip == LARGE_SLIP and not track.slip[2]:        # confirmed
+            self._rival = None
         return True
 
     def _expected_share(self, step: FloatArray) -> float:

@@ -21,7 +21,7 @@ from m2wr_maps.occupancy_kernels import CELLS as BLOCK
 from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
-FORMAT = Format(name="m2wr_gmapping state", version=14, program="slam_gmapping",
+FORMAT = Format(name="m2wr_gmapping state", version=15, program="slam_gmapping",
                 instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
@@ -82,7 +82,7 @@ LOOPS = Part({
     "wide_searches": COUNT}, ("_history",))
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
-    "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "has_turned": YES, "is_doubtful": YES,
+    "_calibration": Array("float64", str(tr.CALIBRATION_SIZE)), "turned": REAL, "is_doubtful": YES,
     "_share": Number(float, 0.0)},
     ("_matcher", "_dense", "_view", "track", "noise", "calibration", "is_unexplained", "agrees", "_rival", "_waits"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
