@@ -431,7 +431,7 @@ class Mapper:
         """Entropy of the normalised weights, between 0 and ln(particles)."""
         return resampling.entropy(self.particles.weights)
 
-    def occupancy(self, exact: bool = True, old: Optional[SavedMap] = None) -> SavedMap:
+    def occupancy(self, exact: bool = True) -> SavedMap:
         """Return the map (SavedMap) of the best particle's path.
 
         To make a map on another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
@@ -440,17 +440,22 @@ class Mapper:
         ----------
         exact : bool
             Whether scans that moved by less than the error of a step are traced again.
-        old : SavedMap, optional
-            A map that is no longer needed: its memory is used again.
         """
-        return self.map_of(*self.map_request(), exact=exact, old=old)
+        return self.map_of(*self.map_request(), exact=exact)
+
+    def last_map(self) -> SavedMap:
+        """Return the map of the best particle's path with little memory: the particles' maps are released.
+
+        No scan can be processed any more.
+        """
+        self.particles.maps.release()
+        return self._occupancy.draw(*self.map_request())
 
     def map_request(self) -> Tuple[FloatArray, List[ScanReading]]:
         """Return the input of ``map_of``: the best path (K, 3) and its readings."""
         return self.particles.tree.path(self.particles.best), list(self.readings)
 
-    def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False,
-               old: Optional[SavedMap] = None) -> SavedMap:
+    def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False) -> SavedMap:
         """Return the map (SavedMap) of a path.
 
         Only one thread may call this, and with paths in the order of ``map_request``.
@@ -460,12 +465,12 @@ class Mapper:
         path : (K, 3) float64
             Poses of the best particle [m, m, rad].
         readings : sequence of K ScanReading
-        exact, old
+        exact : bool
             See ``occupancy``.
         """
         # the best particle alternates between paths that differ by millimetres
         self._occupancy.update(path, readings, 0.0 if exact else tuning.PARTICLES.same)
-        return self._occupancy.grid(old)
+        return self._occupancy.grid()
 
     def base_poses(self, poses: ArrayLike) -> FloatArray:
         """Return poses (..., 3) of the base from those of the centred laser."""

@@ -98,6 +98,14 @@ def test_map_shows_the_walls(mapped, ring):
     mapper.close()
 
 
+def test_the_last_map_is_that_of_the_path_and_needs_no_particle_maps(mapped):
+    mapper, _, _ = mapped(laps=0.4)
+    drawn, counted = mapper.last_map(), mapper.occupancy()
+    assert np.array_equal(drawn.data, counted.data) and np.array_equal(drawn.origin, counted.origin)
+    assert not mapper.particles.maps.mean.size
+    mapper.close()
+
+
 def test_map_from_odom_transforms_odometry_to_the_pose(mapped):
     mapper, _, odom = mapped(laps=0.3)
     found = compose(mapper.map_from_odom, odom[-1])

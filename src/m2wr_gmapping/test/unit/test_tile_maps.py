@@ -102,6 +102,26 @@ def test_particles_share_until_they_write():
     same(cells(maps, 2), plain([origin]))
 
 
+@pytest.mark.parametrize("ancestors", ([0, 1, 2, 1, 1], [3, 3, 3, 3, 3], [1, 2, 0, 0, 4], [4, 1, 1], [0, 1, 2, 3, 4]))
+def test_each_particle_gets_the_map_of_its_ancestor(ancestors):
+    rng = np.random.default_rng(3)
+    maps = TileMaps(5, 0.05, NEVER)
+    for particle in range(5):
+        fill(maps, particle, rng.uniform(-1, 1, 3), rng.uniform(-6, 6, (2, 100)))
+    before = [cells(maps, particle) for particle in range(5)]
+    maps.resample(np.array(ancestors))
+    assert [cells(maps, particle) for particle in range(len(ancestors))] == [before[k] for k in ancestors]
+    assert used(maps) == len(np.unique(maps.table[maps.table >= 0]))
+
+
+def test_released_maps_keep_no_tile_but_the_count_of_left_out_scans():
+    maps = TileMaps(2, 0.05, NEVER, limit=400)
+    fill(maps, 0, (0.0, 0.0, 0.0), np.array([[1.0], [2.0]]))
+    fill(maps, 0, (0.0, 0.0, 0.0), np.array([[500.0], [2.0]]))
+    maps.release()
+    assert maps.beyond == 1 and not maps.table.size + maps.mean.size + maps.hits.size
+
+
 def test_dropped_maps_give_their_tiles_back_and_storage_grows():
     rng = np.random.default_rng(2)
     maps, scans = TileMaps(4, 0.05, NEVER), []

@@ -2,6 +2,7 @@
 """Occupancy grid of one path, updated as the path grows or changes."""
 from __future__ import annotations
 
+import copy
 import math
 from typing import TYPE_CHECKING, Any, Dict, Optional, Protocol, Sequence, Tuple
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
+STRIP = 16              # rows of patches that are drawn at a time [patches]
 SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 GROWTH = 10.0           # a crossed side moves this far beyond the end point [m]
 
@@ -192,20 +194,43 @@ class Occupancy:
         with np.errstate(over="ignore"):
             return bool((spans / self._resolution + PATCH).prod() <= self._most_cells)
 
-    def grid(self, old: Optional[SavedMap] = None) -> SavedMap:
-        """Return the map of all counts.
+    def grid(self) -> SavedMap:
+        """Return the map of all counts."""
+        data = np.full(self.bounds, UNKNOWN, np.int8)
+        read_out(self._threshold, self._table, self._counts, data)
+        return SavedMap(data, self._resolution, self._origin)
+
+    def draw(self, path: ArrayLike, readings: Sequence[Scan]) -> SavedMap:
+        """Return the map of a path as ``update`` and ``grid`` would, without keeping counts.
+
+        It is drawn strip by strip, so little memory is needed besides the map itself. On a saved map counts are kept.
 
         Parameters
         ----------
-        old : SavedMap, optional
-            A map that is no longer needed: its memory is used again.
+        path, readings
+            As for ``update``.
         """
-        data = np.empty(self.bounds, np.int8) if old is None else old.data
-        if data.shape != self.bounds:
-            data.resize(self.bounds, refcheck=False)        # in place, without a second map
-        data.fill(UNKNOWN)
-        read_out(self._threshold, self._table, self._counts, data)
+        if self.ground is not None:
+            self.update(path, readings)
+            return self.grid()
+        nodes = np.asarray(path, float)
+        for pose, reading in zip(nodes, readings):
+            self._cover(pose, reading)
+        data = np.full(self.bounds, UNKNOWN, np.int8)
+        for first in range(0, len(self._table), STRIP):
+            strip = self._strip(first)
+            for pose, reading in zip(nodes, readings):
+                strip._count(pose, reading, 1)
+            read_out(self._threshold, strip._table, strip._counts, data[first * PATCH:(first + STRIP) * PATCH])
         return SavedMap(data, self._resolution, self._origin)
+
+    def _strip(self, first: int) -> Occupancy:
+        """Return empty counts of the rows of patches from ``first`` on, at the same cells."""
+        strip = copy.copy(self)
+        strip._table = np.full_like(self._table[first:first + STRIP], -1)
+        strip._shift = self._shift - [0, first * PATCH]
+        strip._counts, strip._used = np.empty((FIRST_BLOCKS, CELLS, 2), np.uint16), np.zeros(2, np.int64)
+        return strip
 
     @property
     def _origin(self) -> FloatArray:

@@ -133,11 +133,14 @@ def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: i
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x0 = int(math.floor((pose[0] - anchor[0]) * per_metre + 0.5)) + shift[0]
     y0 = int(math.floor((pose[1] - anchor[1]) * per_metre + 0.5)) + shift[1]
+    rows = table.shape[0] << SHIFT
     for k in range(first, rays.shape[1]):
         wx = pose[0] + c * rays[0, k] - s * rays[1, k]
         wy = pose[1] + s * rays[0, k] + c * rays[1, k]
         x1 = int(math.floor((wx - anchor[0]) * per_metre + 0.5)) + shift[0]
         y1 = int(math.floor((wy - anchor[1]) * per_metre + 0.5)) + shift[1]
+        if max(y0, y1) < 0 or min(y0, y1) >= rows:
+            continue
         # greatest number of blocks that the line crosses
         most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3
         if used[0] + min(most, table.size - used[0]) > counts.shape[0]:

@@ -68,6 +68,30 @@ def test_counts_equal_reference(seed):
     assert np.array_equal(grid.data, plain(path, readings, grid.origin, grid.data.shape, 0.1, 0.25))
 
 
+@pytest.mark.parametrize("reach", (3.0, 60.0, 300.0))          # within one strip, across several, beyond the size limit
+def test_a_drawn_map_equals_one_from_counts(reach):
+    path, readings = scans(5)
+    far = Reading(np.random.default_rng(6).uniform(-reach, reach, (2, 60)))
+    made, counted = (Occupancy((-6.4, -6.4, 6.4, 6.4), 0.1, 0.25, most_cells=4000000) for _ in range(2))
+    path, readings = np.vstack([path, [0.1, 0.2, 0.3]]), readings + [far]
+    drawn = made.draw(path, readings)
+    counted.update(path, readings)
+    expected = counted.grid()
+    assert np.array_equal(drawn.data, expected.data) and np.array_equal(drawn.origin, expected.origin)
+    assert made.beyond == counted.beyond == (reach > 100.0) and (drawn.data == 100).any()
+
+
+def test_a_map_drawn_on_a_saved_one_has_its_cells():
+    path, readings = scans(9)
+    ground = occupancy()
+    ground.update(path[:6], readings[:6])
+    saved = ground.grid()
+    made, counted = Occupancy.on(saved, 0.25), Occupancy.on(saved, 0.25)
+    drawn = made.draw(path[6:], readings[6:])
+    counted.update(path[6:], readings[6:])
+    assert np.array_equal(drawn.data, counted.grid().data)
+
+
 def test_incremental_map_equals_a_new_map():
     path, readings = scans(7, 30)
     kept, rng = occupancy(), np.random.default_rng(8)

@@ -156,7 +156,17 @@ class TileMaps:
 
     def resample(self, ancestors: IndexArray) -> None:
         """Let particles (M,) share the maps of their ancestors."""
-        self.table = self.table[ancestors]
+        if len(ancestors) == len(self.table) and (ancestors[ancestors] == ancestors).all():
+            for particle in np.flatnonzero(ancestors != np.arange(len(ancestors))):
+                self.table[particle] = self.table[ancestors[particle]]
+        else:                           # the tables are in memory twice
+            self.table = self.table[ancestors]
+        self._count_holders()
+
+    def release(self) -> None:
+        """Release the memory of all maps; no scan can be registered any more."""
+        self.table = np.full((len(self.table), 0, 0), -1, np.int32)
+        self.mean, self.hits = np.empty((0, kernels.CELLS, 2), np.uint8), np.empty((0, kernels.CELLS), np.uint8)
         self._count_holders()
 
     def clear(self) -> None:

@@ -199,7 +199,12 @@ class Replay:
                 self.snapshot = state.snapshot(mapper, dict(arrived=self._arrived, map_stamp=self._map_stamp))
             with self.filter_watch:
                 mapper.finish()
-            self._map(mapper, exact=True)
+            if self._node is not None:
+                self._show_map(mapper, self._node, exact=True)
+            else:                               # without a master no map before has a subscriber
+                with self.map_watch:
+                    self.grid = mapper.last_map()
+                self.map_watch.piece()
         self._progress(last=True)
 
     def _scan(self, scan: LaserScan, odom_from_laser: Transform) -> None:
@@ -225,7 +230,8 @@ class Replay:
             since = math.inf if self._map_stamp is None else stamp - self._map_stamp
             if not 0.0 <= since <= self._config["map_update_interval"]:
                 self._map_stamp = stamp
-                self._map(mapper)
+                if self._node is not None:
+                    self._show_map(mapper, self._node, exact=False)
         if self._options.online:
             self.online.append((stamp, mapper.base_poses(update.pose)))
 
@@ -253,14 +259,12 @@ class Replay:
         self._laser_frame = scan.header.frame_id.lstrip("/")
         return self.mapper
 
-    def _map(self, mapper: Mapper, exact: bool = False) -> None:
-        # at the default size a map has 16 million cells; a published one must not change
-        old, self.grid = self.grid if self._node is None else None, None
+    def _show_map(self, mapper: Mapper, node: ReplayNode, exact: bool) -> None:
+        self.grid = None            # at the default size a map has 16 million cells
         with self.map_watch:
-            self.grid = mapper.occupancy(exact, old)
+            self.grid = mapper.occupancy(exact)
         self.map_watch.piece()
-        if self._node is not None:
-            self._node.show(self.grid, mapper.entropy, self._config["map_frame"].lstrip("/"))
+        node.show(self.grid, mapper.entropy, self._config["map_frame"].lstrip("/"))
 
     def _progress(self, last: bool = False) -> None:
         if self._options.quiet or (not last and time.monotonic() - self._told < PROGRESS_PERIOD):
