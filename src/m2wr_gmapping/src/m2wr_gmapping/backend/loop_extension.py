@@ -113,6 +113,8 @@ class LoopExtension:
 
     def _search(self, route: Route, node: int, correction: Optional[FloatArray] = None) -> Optional[Closure]:
         """Return ``near_link`` at a node; None if there is no near node."""
+        if not self._graph.may_be_near(route, node, correction):
+            return None
         scene, near, _ = self._graph.scene(route, node, correction)
         return self._graph.near_link(scene, near, SEARCH.near_path) if len(near) else None
 
@@ -124,7 +126,7 @@ class LoopExtension:
         """Whether the node exists, is old enough and has no loop closure close by."""
         if not 0 < node < len(along) or along[node] <= SEARCH.reach:
             return False
-        return all(abs(along[link[1]] - along[node]) >= LOOPS.every for link in self._graph.links)
+        return bool((np.abs(along[self._graph.link_nodes[:, 1]] - along[node]) >= LOOPS.every).all())
 
 
 def node_at_distance(along: FloatArray, node: int, direction: int) -> int:

@@ -135,6 +135,32 @@ class LoopGraph:
         self.rejected: List[Tuple[int, int]] = []
         self.searches = self.closures = 0
 
+    @property
+    def link_nodes(self) -> IndexArray:
+        """Older and newer node (L, 2) of each of ``links``."""
+        known = len(self._link_nodes)
+        if known < len(self.links):
+            more = np.array([link[:2] for link in self.links[known:]], np.int64)
+            self._link_nodes = np.concatenate([self._link_nodes, more])
+        return self._link_nodes
+
+    def may_be_near(self, route: Route, node: int, correction: Optional[FloatArray] = None) -> bool:
+        """Return whether ``scene`` can find old nodes with little drift; its drift takes time.
+
+        Parameters
+        ----------
+        route, node, correction
+            As for ``scene``.
+        """
+        old = route.path[:self._old_count(route.along, node), :2]
+        at = route.path[node] if correction is None else compose(correction, route.path[node])
+        return bool((np.square(old - at[:2]).sum(axis=1) < ((SEARCH.beyond + 1.0) * DRIFT.room)**2).any())
+
+    @staticmethod
+    def _old_count(along: FloatArray, node: int) -> int:
+        """Return how many nodes are old for a node."""
+        return int(np.count_nonzero(along[node] - along[:node] > SEARCH.reach))
+
     def scene(self, route: Route, node: int,
               correction: Optional[FloatArray] = None) -> Tuple[place_search.Scene, IndexArray, IndexArray]:
         """Return the path as it was when ``node`` was the newest one, and the old nodes that may be close to it.
@@ -154,7 +180,7 @@ class LoopGraph:
             Old nodes with little drift, and with more drift, against the node.
         """
         path, along, readings = route.path[:node + 1], route.along[:node + 1], route.readings[:node + 1]
-        count = int(np.count_nonzero(along[node] - along[:node] > SEARCH.reach))
+        count = self._old_count(along, node)
         shift, turn = (drift[:node + 1] for drift in self.drift(route.path, node))
         if correction is not None:
             path = np.concatenate([path[:count], compose(correction, path[count:])])
@@ -174,9 +200,7 @@ class LoopGraph:
         node : int
         """
         out = np.empty((len(path), 3))
-        if len(self._link_nodes) < len(self.links):
-            self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
-        drift_kernels.drift(path, self._history.variances[:len(path)], DRIFT.heading, self._link_nodes, node, out)
+        drift_kernels.drift(path, self._history.variances[:len(path)], DRIFT.heading, self.link_nodes, node, out)
         shift = DRIFT.least[0] + DRIFT.deviations * np.sqrt(out[:, 0] + out[:, 1])
         turn = DRIFT.least[1] + DRIFT.deviations * np.sqrt(out[:, 2])
         return np.minimum(shift, DRIFT.most), np.minimum(turn, math.pi)
@@ -252,7 +276,7 @@ class LoopGraph:
             return None
         count = len(path)
         chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
-        pairs = np.concatenate([chain, np.array([link[:2] for link in self.links])])
+        pairs = np.concatenate([chain, self.link_nodes])
         measured = np.concatenate([self._history.corrected(path)[1:], np.array([link[2] for link in self.links])])
         information = np.concatenate([self._history.information[1:count],
                                       np.array([link[3] for link in self.links])])

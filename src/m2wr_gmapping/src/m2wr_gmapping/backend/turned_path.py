@@ -114,7 +114,7 @@ class TurnedPath:
 
         Only those far from it count: a place that looks alike after a turn is the reason for the doubt.
         """
-        old, new = np.array([link[:2] for link in self._graph.links], int).reshape(-1, 2).T
+        old, new = self._graph.link_nodes.T
 
         def is_settled(node: int) -> bool:
             across = new[(old < node) & (node <= new)]

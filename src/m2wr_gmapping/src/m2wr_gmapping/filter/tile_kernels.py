@@ -78,6 +78,62 @@ def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], 
 
 
 @kernel
+def bounds_of_scans(path: FloatArray, points: FloatArray, ends: IndexArray, corners: FloatArray) -> None:
+    """Write lower and upper corner of a box that holds the end points of each of several scans.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the scans x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points of all scans, one after the other [m, laser frame].
+    ends : (K,) int64
+        Number of end points up to the end of each scan.
+    corners : (K, 2, 2) float64
+        Written [m].
+    """
+    first = 0
+    for k in range(path.shape[0]):
+        low, high = bounds(path[k:k + 1], points[:, first:ends[k]])
+        corners[k, 0, 0], corners[k, 0, 1], corners[k, 1, 0], corners[k, 1, 1] = low[0], low[1], high[0], high[1]
+        first = ends[k]
+
+
+@kernel
+def _register(n: int, pose: FloatArray, points: FloatArray, first: int, last: int, table: Int32Array,
+              mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
+              frame: FloatArray, frozen: int) -> int:
+    """Register the end points ``first`` to ``last``, excluded, in the map of particle ``n``.
+
+    Returns the first one that is not registered: less than ``last`` if the stack of free tiles becomes empty.
+    """
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
+    x, y, c, s = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+    for b in range(first, last):
+        fx = (x + c * points[0, b] - s * points[1, b] - ox) * inv
+        fy = (y + s * points[0, b] + c * points[1, b] - oy) * inv
+        if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
+            continue
+        ix, iy = int(fx), int(fy)
+        cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+        tile = table[n, iy >> SHIFT, ix >> SHIFT]
+        if tile >= 0 and hits[tile, cell] >= frozen:
+            continue
+        if tile < 0 or holders[tile] != 1:
+            if counters[0] < 1:
+                return b
+            tile = _owned(table, n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
+        if hits[tile, cell] < MOST_HITS:
+            hits[tile, cell] += 1
+        share = 1.0 / hits[tile, cell]
+        mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
+        mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
+        mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
+    return last
+
+
+@kernel
 def register_scans(first: int, poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array,
                    mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
                    frame: FloatArray, frozen: int) -> bool:
@@ -117,32 +173,47 @@ def register_scans(first: int, poses: FloatArray, points: FloatArray, progress: 
     bool
         False if the stack of free tiles is empty. The caller then adds tiles and calls again.
     """
-    ox, oy, inv = frame[0], frame[1], frame[2]
-    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
+    last = points.shape[1]
     for n in range(progress[0], poses.shape[0]):
-        x, y, c, s = poses[n, 0], poses[n, 1], math.cos(poses[n, 2]), math.sin(poses[n, 2])
-        for b in range(progress[1], points.shape[1]):
-            fx = (x + c * points[0, b] - s * points[1, b] - ox) * inv
-            fy = (y + s * points[0, b] + c * points[1, b] - oy) * inv
-            if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
-                continue
-            ix, iy = int(fx), int(fy)
-            cell = ((iy & MASK) << SHIFT) | (ix & MASK)
-            tile = table[first + n, iy >> SHIFT, ix >> SHIFT]
-            if tile >= 0 and hits[tile, cell] >= frozen:
-                continue
-            if tile < 0 or holders[tile] != 1:
-                if counters[0] < 1:
-                    progress[0], progress[1] = n, b
-                    return False
-                tile = _owned(table, first + n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
-            if hits[tile, cell] < MOST_HITS:
-                hits[tile, cell] += 1
-            share = 1.0 / hits[tile, cell]
-            mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
-            mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
-            mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
+        done = _register(first + n, poses[n], points, progress[1], last, table, mean, hits, holders, free, counters,
+                         frame, frozen)
+        if done < last:
+            progress[0], progress[1] = n, done
+            return False
         progress[1] = 0
+    return True
+
+
+@kernel
+def register_path(path: FloatArray, points: FloatArray, ends: IndexArray, progress: IndexArray, table: Int32Array,
+                  mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
+                  frame: FloatArray, frozen: int) -> bool:
+    """Register the end points of several scans in the map of the first particle.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the scans x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points of all scans, one after the other [m, laser frame].
+    ends : (K,) int64
+        Number of end points up to the end of each scan.
+    progress : (2,) int64
+        First scan and point; changed to the next ones if the stack of free tiles becomes empty.
+    table, mean, hits, holders, free, counters, frame, frozen
+        As for ``register_scans``.
+
+    Returns
+    -------
+    bool
+        As of ``register_scans``.
+    """
+    for k in range(progress[0], path.shape[0]):
+        done = _register(0, path[k], points, progress[1], ends[k], table, mean, hits, holders, free, counters,
+                         frame, frozen)
+        progress[0], progress[1] = k, done
+        if done < ends[k]:
+            return False
     return True
 
 

@@ -17,6 +17,7 @@ CELLS_A_SIDE = 1 << kernels.SHIFT
 MARGIN = 2                  # margin of spare tiles around the used ones
 FIRST_TILES = 1024
 NEVER = 256
+TOGETHER = 64               # scans of a path that are registered by one call
 
 
 class TileMaps:
@@ -79,15 +80,13 @@ class TileMaps:
         bool
             False if the limit is exceeded.
         """
-        size = CELLS_A_SIDE * self.resolution
-        x, y = math.floor(low[0] / size), math.floor(low[1] / size)
-        end_x, end_y = math.floor(high[0] / size) + 1, math.floor(high[1] / size) + 1
+        x, y, end_x, end_y = tiles = self._tiles(low, high)
         first, last = (x - MARGIN, y - MARGIN), (end_x + MARGIN, end_y + MARGIN)
         if self._corner is not None:
+            if self._covers(tiles):
+                return True
             old_x, old_y = self._corner
             rows, columns = self.table.shape[1:]
-            if x > old_x and y > old_y and end_x < old_x + columns and end_y < old_y + rows:
-                return True
             grow = 4 * MARGIN
             first = (old_x if x > old_x else min(first[0] - grow, old_x),
                      old_y if y > old_y else min(first[1] - grow, old_y))
@@ -101,6 +100,19 @@ class TileMaps:
         self._corner = first
         self._place()
         return True
+
+    def _tiles(self, low: Sequence[float], high: Sequence[float]) -> Tuple[int, int, int, int]:
+        """Return first column and row of the tiles of a box, and those after the last ones."""
+        size = CELLS_A_SIDE * self.resolution
+        return (math.floor(low[0] / size), math.floor(low[1] / size),
+                math.floor(high[0] / size) + 1, math.floor(high[1] / size) + 1)
+
+    def _covers(self, tiles: Tuple[int, int, int, int]) -> bool:
+        """Return whether the table spans tiles, as of ``_tiles``, with a margin."""
+        assert self._corner is not None
+        x, y, end_x, end_y = tiles
+        (old_x, old_y), (rows, columns) = self._corner, self.table.shape[1:]
+        return x > old_x and y > old_y and end_x < old_x + columns and end_y < old_y + rows
 
     def _grow(self, shape: Tuple[int, int], y: int, x: int) -> None:
         """Grow the table to (rows, columns) in place, so that it is not in memory twice; the old one begins at y, x."""
@@ -151,8 +163,20 @@ class TileMaps:
         readings : sequence of K ScanReading
             Scans of the path's nodes.
         """
-        for k, reading in enumerate(readings):
-            self.register(path[k:k + 1], reading.points)
+        used = [k for k, reading in enumerate(readings) if reading.points.shape[1]]
+        for first in range(0, len(used), TOGETHER):
+            part = used[first:first + TOGETHER]
+            ends, poses = np.cumsum([readings[k].points.shape[1] for k in part]), path[part]
+            points = np.concatenate([readings[k].points for k in part], axis=1)
+            corners, progress = np.empty((len(part), 2, 2)), np.zeros(2, np.int64)
+            kernels.bounds_of_scans(poses, points, ends, corners)
+            low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+            if self._corner is None or not self._covers(self._tiles(low, high)):
+                for box in corners:             # a scan that exceeds the limit leaves the others their place
+                    self.cover(*box)
+            while not kernels.register_path(poses, points, ends, progress, self.table, self.mean, self.hits,
+                                            self._holders, self._free, self._counters, self.frame, self._frozen):
+                self._more_tiles()
 
     def resample(self, ancestors: IndexArray) -> None:
         """Let particles (M,) share the maps of their ancestors."""
