@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.backend import loop_graph
+from m2wr_gmapping.backend.route import Route, distances_along
 from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -58,3 +59,37 @@ def test_contradicted_loop_closure_is_removed():
     assert graph.links == right and graph.rejected == [(4, 38)]
     graph.reject([(4, 38, None, None)])
     assert graph.rejected == [(4, 38)]
+
+
+@pytest.fixture
+def wandering():
+    """A graph, and the route of a robot that comes back to places it has seen."""
+    history, row, rng = StepHistory(), np.zeros(mk.RESULT_SIZE), np.random.default_rng(4)
+    row[mk.INFORMATION:] = np.eye(3)[np.triu_indices(3)] * 1e5
+    path = np.cumsum(rng.normal(0.0, 1.5, (150, 3)), axis=0) * (1.0, 1.0, 0.1)
+    for _ in range(149):
+        history.next_record()
+        history.set_information(row, np.full(3, 0.01**2))
+    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), ThreadTeam(1)), 0.05, history)
+    return graph, Route(path, distances_along(path), [None] * 150)
+
+
+@pytest.mark.parametrize("correction", (None, [1.0, -2.0, 0.1]))
+def test_nodes_with_near_ones_may_be_near(wandering, correction):
+    graph, route = wandering
+    expected = [graph.may_be_near(route, node, correction) for node in range(1, 150)]
+    found = [len(graph.scene(route, node, correction)[1]) > 0 for node in range(1, 150)]
+    assert all(may for may, near in zip(expected, found) if near)
+    assert any(found) and not all(expected)
+
+
+def test_link_nodes_follow_the_links(wandering):
+    graph, _ = wandering
+    assert graph.link_nodes.shape == (0, 2)
+    links = [(k, k + 20, np.zeros(3), np.eye(3)) for k in range(6)]
+    graph.links.extend(links[:4])
+    assert graph.link_nodes.tolist() == [[k, k + 20] for k in range(4)]
+    graph.links.extend(links[4:])
+    assert graph.link_nodes.tolist() == [[k, k + 20] for k in range(6)]
+    graph.replace_links(links[2:4])
+    assert graph.link_nodes.tolist() == [[2, 22], [3, 23]]

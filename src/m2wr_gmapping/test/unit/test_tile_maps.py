@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tile maps: means and hits equal those of a dictionary; copy-on-write sharing has no side effects."""
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -120,6 +121,19 @@ def test_released_maps_keep_no_tile_but_the_count_of_left_out_scans():
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[500.0], [2.0]]))
     maps.release()
     assert maps.beyond == 1 and not maps.table.size + maps.mean.size + maps.hits.size
+
+
+def test_a_path_is_registered_as_scan_by_scan():
+    rng = np.random.default_rng(7)
+    path = rng.uniform(-3, 3, (150, 3))
+    readings = [SimpleNamespace(points=rng.uniform(-20, 20, (2, count))) for count in rng.integers(0, 60, 150)]
+    readings[100].points[:] = 4000.0                     # exceeds the limit: is left out, the others are not
+    together, single = TileMaps(1, 0.05, NEVER), TileMaps(1, 0.05, NEVER)
+    together.register_path(path, readings)
+    for k, reading in enumerate(readings):
+        single.register(path[k:k + 1], reading.points)
+    same(cells(together, 0), cells(single, 0))
+    assert together.beyond == single.beyond > 0
 
 
 def test_dropped_maps_give_their_tiles_back_and_storage_grows():
