@@ -4,6 +4,7 @@
 #   TEST_PACKAGES  names of packages, separated by blanks (default: all)
 #   TEST_JOBS      tests of a package that run concurrently (default 2, on one processor 1; a test mostly waits for its
 #                  nodes)
+#   PYTEST_ADDOPTS more options for pytest; they override those given here, for example -n 4
 #   TEST_TIMEOUT   seconds after which the run is ended; tests without a result count as failed
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -28,7 +29,13 @@ mkdir -p "$ROS_LOG_DIR"
 # With stored bytecode, as on a user's machine: without it each of some hundred nodes compiles its sources again.
 unset PYTHONDONTWRITEBYTECODE
 
-export PYTEST_ADDOPTS=${PYTEST_ADDOPTS:---color=no -q}
+# The Python tests of a package, one process a job, if pytest-xdist is installed. A file stays in one process, so that its
+# tests share what is made once. m2wr_test sets -n 0: there make runs several tests at once.
+pytest_options="--color=no -q"
+if [ "$jobs" -gt 1 ] && "$PYTHON" -c "import xdist" 2> /dev/null; then
+    pytest_options+=" -n $jobs --dist loadfile"
+fi
+export PYTEST_ADDOPTS="$pytest_options ${PYTEST_ADDOPTS:-}"
 
 # catkin removes -j from --make-args and passes nothing on for tests, so make gets it here; the output of each test is
 # kept together.

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`make test` runs TEST_JOBS tests of a package concurrently, by default two on more than one processor."""
+"""`make test` runs TEST_JOBS tests of a package concurrently, by default two on more than one processor.
+
+ROS tests by make; Python tests by pytest-xdist, where it is installed.
+"""
 import os
+import re
 import shutil
 import subprocess
 
@@ -9,7 +13,7 @@ import pytest
 import workspace_tree as tree
 
 #: Like catkin: its own command line does not reach make.
-CATKIN = '#!/bin/sh\nexec make -f "{0}/tests.mk" run_tests\n'
+CATKIN = '#!/bin/sh\necho "$PYTEST_ADDOPTS" > "{0}/options"\nexec make -f "{0}/tests.mk" run_tests\n'
 #: Two tests; each waits some seconds at most until the expected number has started.
 MAKEFILE = """
 run_tests: one two
@@ -56,3 +60,18 @@ def test_one_runs_after_the_other(tmp_path, processors, jobs):
     lines = begun_and_ended(tmp_path, 1, processors, jobs)
     assert [line.split()[0] for line in lines] == ["begin", "end", "begin", "end"]
     assert [line.split()[1] for line in lines[::2]] == [line.split()[1] for line in lines[1::2]]
+
+
+@pytest.mark.parametrize("processors, jobs, expected", [
+    (2, None, ["-n 2 "]), (16, 3, ["-n 3 "]), (1, None, []), (16, 1, [])])
+def test_python_tests_use_as_many_processes(tmp_path, processors, jobs, expected):
+    pytest.importorskip("xdist")
+    begun_and_ended(tmp_path, 1, processors, jobs)
+    options = (tmp_path / "options").read_text()
+    assert "-q" in options and re.findall(r"-n \d+ ", options) == expected
+
+
+def test_options_of_the_user_come_last(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTEST_ADDOPTS", "-n 5 -x")
+    begun_and_ended(tmp_path, 1, 2)
+    assert (tmp_path / "options").read_text().endswith(" -n 5 -x\n")
