@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The wheel of the simulator: complete, and usable in a virtual environment without ROS."""
+import filecmp
 import importlib.util
 import os
 import re
@@ -15,6 +16,13 @@ from workspace_tree import ROOT
 #: What the wheel asks for, and what that needs itself; nothing of ROS but rospkg, which is on the package index.
 MODULES = ("numpy", "numba", "llvmlite", "lxml", "yaml", "rospkg", "catkin_pkg", "distro", "urdf_parser_py", "xacro",
            "pyparsing", "dateutil", "docutils", "six", "importlib_metadata", "zipp", "pkg_resources")
+COMPILE = """
+import numpy as np
+from m2wr_sim.rendering.output_kernels import metres
+out = np.zeros(2, np.float32)
+metres(out, np.array([0.5, 2.0], np.float32), 0.1, 8.0)
+print(out.tolist())
+"""
 DRIVE = """
 from m2wr_sim import messages
 from m2wr_sim.api import Sim
@@ -30,6 +38,27 @@ def run(*words, **options):
                           check=False, **options)
     assert done.returncode == 0, done.stdout
     return done.stdout
+
+
+def take_compiled_kernels(site):
+    """Copy what numba has compiled in the workspace to modules that are the same in the wheel.
+
+    numba finds it by the date of a module. Without it the drive compiles its kernels, which takes a minute.
+    """
+    for package in ("m2wr_node", "m2wr_sim", "m2wr_view"):
+        top = os.path.join(ROOT, "src", package, "src")
+        for folder, _, files in os.walk(os.path.join(top, package)):
+            target = os.path.join(site, os.path.relpath(folder, top))
+            if os.path.basename(folder) == "__pycache__" and os.path.isdir(os.path.dirname(target)):
+                os.makedirs(target, exist_ok=True)
+                for name in files:
+                    if name.endswith((".nbi", ".nbc", ".sha1")):
+                        shutil.copy(os.path.join(folder, name), target)
+            for name in files:
+                here, there = os.path.join(folder, name), os.path.join(target, name)
+                if name.endswith(".py") and os.path.exists(there) and filecmp.cmp(here, there, shallow=False):
+                    stat = os.stat(here)
+                    os.utime(there, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +98,13 @@ def python(wheel, tmp_path_factory):
             os.makedirs(os.path.dirname(target), exist_ok=True)
             with archive.open(name) as source, open(target, "wb") as stream:
                 shutil.copyfileobj(source, stream)
+    take_compiled_kernels(site)
     return program
+
+
+def without_ros():
+    """Return the environment without what a shell with ROS sets."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "PYTHON", "CMAKE"))}
 
 
 class TestWheel:
@@ -99,12 +134,16 @@ class TestWheel:
         assert os.path.basename(wheel).split("-")[1] == version
 
     def test_a_drive_without_ros_gives_the_same_numbers(self, python):
-        clean = {name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "PYTHON", "CMAKE"))}
-        alone = run(python, "-c", DRIVE, env=clean).splitlines()
+        alone = run(python, "-c", DRIVE, env=without_ros()).splitlines()
         here = run(sys.executable, "-c", DRIVE).splitlines()
         assert alone[0].startswith("False " + os.path.dirname(os.path.dirname(python)))
         assert here[0].startswith("True ")
         assert alone[-1] == here[-1]
+
+    def test_numba_compiles_a_kernel_there(self, python, tmp_path):
+        said = run(python, "-c", COMPILE, env=dict(without_ros(), NUMBA_CACHE_DIR=str(tmp_path)))
+        assert said.strip() == "[0.5, 2.0]"
+        assert list(tmp_path.rglob("*metres*.nbc"))
 
     def test_no_module_of_ros_can_be_imported_there(self, python):
         run(python, "-c", "import importlib.util as u; assert not any(map(u.find_spec, ('rospy', 'genpy', 'roslib')))")
