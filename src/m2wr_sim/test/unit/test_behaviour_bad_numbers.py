@@ -156,14 +156,13 @@ def test_things_that_overlap_at_the_start_part_gently(make_rig, build, step_ms):
         assert math.hypot(*position[:2]) < 5.0 and -0.5 < position[2] < 3.0
 
 
-@pytest.mark.parametrize("step_ms", [1, 5])
-@pytest.mark.parametrize("shift", [0.0, 1e-9, 0.1])
-def test_overlapping_robots_separate_with_finite_poses(make_rig, m2wr, step_ms, shift):
+@pytest.mark.parametrize("shift, step_ms", [(0.0, 1), (0.0, 5), (1e-9, 5), (0.1, 5)])
+def test_overlapping_robots_separate_with_finite_poses(make_rig, m2wr, shift, step_ms):
     rig = make_rig(step_ms=step_ms)
     for k in range(3):
         rig.simulator.spawn(m2wr, at(shift * k, 0.0, 0.1), "r%d" % k, "/r%d" % k)
     for _ in range(2):
-        rig.send(0.5, 0.5, "/r0/cmd_vel").send(-0.5, 0.5, "/r1/cmd_vel").run(1.0)
+        rig.send(0.5, 0.5, "/r0/cmd_vel").send(-0.5, 0.5, "/r1/cmd_vel").run(0.1 * (step_ms + 1))
     names = ["r0", "r1", "r2"]
     assert all(map(math.isfinite, numbers_of(rig, names)))
     for name in names:

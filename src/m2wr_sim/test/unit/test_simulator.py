@@ -67,9 +67,9 @@ def test_the_length_of_batches_changes_nothing(m2wr_rig, build, step_ms):
     for chunk_ns in (step_ms * MS, 10 * MS, 10 ** 15):
         rig = m2wr_rig(build.box("wall", 2.0, 0.0, 0.5, size=(0.2, 4.0, 1.0)), step_ms=step_ms,
                        wheel_convention="kinetic")
-        rig.simulator.spawn(build.box("crate", 1.0, 0.1, 0.2, size=(0.3,) * 3, static=False), at(1.0, 0.1, 0.2))
+        rig.simulator.spawn(build.box("crate", 0.6, 0.1, 0.2, size=(0.3,) * 3, static=False), at(0.6, 0.1, 0.2))
         for linear, angular in ((0.5, 0.1), (-0.3, 0.8), (0.6, 0.0)):
-            rig.send(linear, angular).run(1.5, chunk_ns)
+            rig.send(linear, angular).run(0.8, chunk_ns)
         published = {topic: [str(message) for message in port.messages] for topic, port in rig.ports.topics.items()}
         results.append((rig.pose(), rig.pose("crate"), published, rig.ports.transforms, rig.ports.clock_ns,
                         rig.simulator.contacts, rig.simulator.contact_counts))
