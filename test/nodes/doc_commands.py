@@ -43,10 +43,20 @@ def commands_of(text):
     return [words for words in found if words]
 
 
+_rospack = functools.lru_cache(maxsize=None)(rospkg.RosPack)        # it reads all packages when first asked
+
+
+@functools.lru_cache(maxsize=None)
+def is_there(package, program):
+    """Whether a package has a program; rospkg.ResourceNotFound if there is no such package."""
+    return bool(roslib.packages.find_node(package, program, rospack=_rospack()))
+
+
+@functools.lru_cache(maxsize=None)
 def launch_file(package, name):
     """Return the path of a launch file of a package, or None."""
     try:
-        top = rospkg.RosPack().get_path(package)
+        top = _rospack().get_path(package)
     except rospkg.ResourceNotFound:
         return None
     for folder, _, files in os.walk(top):
@@ -93,6 +103,22 @@ def _sources(root):
     return "\n".join(texts)
 
 
+class Loader(roslaunch.xmlloader.XmlLoader):
+    """Runs each command that gives a parameter, mostly xacro, once for all launch files."""
+
+    _values = {}
+
+    def param_value(self, verbose, name, ptype, value, textfile, binfile, command):
+        """Return the value of a parameter."""
+        known = (ptype, command)
+        if command is None or known not in self._values:
+            found = super().param_value(verbose, name, ptype, value, textfile, binfile, command)
+            if command is None:
+                return found
+            self._values[known] = found
+        return self._values[known]
+
+
 @functools.lru_cache(maxsize=None)
 def loading_problem(path, arguments):
     """Load a launch file with its arguments as roslaunch does, without starting anything.
@@ -110,14 +136,14 @@ def loading_problem(path, arguments):
     """
     config = roslaunch.config.ROSLaunchConfig()
     try:
-        roslaunch.xmlloader.XmlLoader().load(path, config, argv=list(arguments), verbose=False)
+        Loader().load(path, config, argv=list(arguments), verbose=False)
     except (roslaunch.xmlloader.XmlParseException, roslaunch.loader.LoadException, rospkg.ResourceNotFound) as error:
         return "%s: %s" % (os.path.basename(path), error)
     for node in config.nodes:
         try:
-            found = roslib.packages.find_node(node.package, node.type)
+            found = is_there(node.package, node.type)
         except rospkg.ResourceNotFound:
-            found = []
+            found = False
         if not found:
             return "%s starts %s of %s, which does not exist" % (os.path.basename(path), node.type, node.package)
     return None
@@ -142,7 +168,7 @@ def launches_of(text):
 
 def _options_problem(package, words, root):
     """Options that no source of this workspace mentions, of programs of this workspace."""
-    top = os.path.realpath(rospkg.RosPack().get_path(package))
+    top = os.path.realpath(_rospack().get_path(package))
     if not any(top.startswith(os.path.join(os.path.realpath(root), folder) + os.sep) for folder in ("src", "dropin")):
         return None
     for option in (word.split("=")[0] for word in words if re.match(r"--[a-z]", word)):
@@ -156,7 +182,7 @@ def _run_problem(words, root):
     if len(words) < 2:
         return "expected a package and a program"
     try:
-        if not roslib.packages.find_node(words[0], words[1]):
+        if not is_there(words[0], words[1]):
             return "package %s has no program %s" % tuple(words[:2])
     except (rospkg.ResourceNotFound, roslib.packages.ROSPkgException):
         return "there is no package %s" % words[0]
