@@ -78,13 +78,13 @@ class ClosedLoop:
         """End points of the beams that hit something, and of the others."""
         angles = self.pose[2] + np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
         steps = np.arange(0.02, RANGE, 0.02)
-        points = self.pose[:2] + steps[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
-        cells = np.floor((points - self.origin) / CELL).astype(int)
-        inside = ((cells >= 0) & (cells < self.occupied.shape[::-1])).all(-1)
-        hit = np.zeros(inside.shape, bool)
-        hit[inside] = self.occupied[cells[inside][:, 1], cells[inside][:, 0]]
+        x, y = (start + steps[:, None] * part for start, part in zip(self.pose, (np.cos(angles), np.sin(angles))))
+        rows, columns = (np.clip(((values - origin) / CELL).astype(int), 0, size - 1)
+                         for values, origin, size in zip((y, x), self.origin[::-1], self.occupied.shape))
+        hit = self.occupied[rows, columns]      # what is outside of the world is behind its wall
         first, found = hit.argmax(0), hit.any(0)
-        ends = np.concatenate([points[np.where(found, first, -1), np.arange(BEAMS)], np.full((BEAMS, 1), 0.2)], 1)
+        ends = np.where(found, first, -1), np.arange(BEAMS)
+        ends = np.stack([x[ends], y[ends], np.full(BEAMS, 0.2)], 1)
         return Observation(self.now, np.append(self.pose[:2], 0.2), ends[found], ends[~found])
 
     def hits(self):

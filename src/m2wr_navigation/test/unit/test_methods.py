@@ -42,10 +42,10 @@ def sensing(ranges, pose=(0.0, 0.0, 0.0), stamp=0.0):
 #: Greatest length over the shortest path of the disc that is kept free.
 RATIOS = {("world02", "bug0"): 1.3, ("world02", "bug1"): 5.5, ("world02", "bug2"): 2.0, ("world02", "dist_bug"): 1.3,
           ("world02", "tangent_bug"): 2.1, ("world02", "vfh_plus"): 2.0, ("world02", "follow_the_gap"): 2.0,
-          ("world03", "bug1"): 6.0, ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
+          ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
           ("world03", "tangent_bug"): 1.1, ("world03", "vfh_plus"): 1.15, ("world03", "follow_the_gap"): 1.15,
           ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15,
-          ("world02", "mppi"): 1.15, ("world03", "mppi"): 1.15,
+          ("world02", "mppi"): 1.15,
           ("world02", "learned"): 2.0, ("world03", "learned"): 1.15}
 
 
