@@ -15,8 +15,8 @@ def test_a_seed_repeats_a_building(kind):
     assert one.sdf() == other.sdf() != another.sdf()
 
 
-@kinds
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind, seed", [(kind, seed) for kind in sorted(KINDS)
+                                        for seed in range(1 if kind == "large" else 3)])
 def test_places_are_free_and_nearly_all_connected(kind, seed):
     plan = generate(kind, np.random.default_rng(seed))
     assert len(plan.places) >= 2 and (plan.clearance(plan.places) >= ROOM - 1e-9).all()
