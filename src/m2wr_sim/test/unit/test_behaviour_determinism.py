@@ -40,9 +40,9 @@ for name, noise, library in (("camera", "<noise><type>gaussian</type><stddev>0.0
 rig.simulator.spawn(robot, conftest.at(z=0.1), "one", "/")
 rig.simulator.spawn(robot, conftest.at(-1.5, 0.3, 0.1), "two", "/two")
 for linear, angular in ((0.5, 0.1), (-0.2, 0.9), (0.4, -0.3)):
-    rig.send(linear, angular).send(angular, linear, "/two/cmd_vel").run(0.8)
+    rig.send(linear, angular).send(angular, linear, "/two/cmd_vel").run(0.5)
 rig.simulator.delete("crate2")
-rig.run(0.4)
+rig.run(0.3)
 hashes = {}
 for topic, port in rig.ports.topics.items():
     assert port.messages, topic
