@@ -337,8 +337,22 @@ def test_nodes_with_common_drift_are_not_old():
 def test_coarsely_similar_place_is_rated_lower():
     (scene, truth), old = come_back(2, 5.0, 15.0, [0.0, 0.0, 0.0]), np.arange(61)
     query = place_query.thinned(place_query.query_points(scene, 10.0), 240)
-    for beside, as_good in (([3.0, 0.0, 0.0], False), ([0.0, 0.0, 0.0], True)):
-        assert place_search._is_as_good(truth + beside, old, truth, old, query, scene) == as_good
+    other, own = place_search._ratings(truth + [3.0, 0.0, 0.0], old, truth, old, query, scene)
+    assert 0.0 <= other < 0.9 * own <= 0.9
+    other, own = place_search._ratings(truth, old, truth, old, query, scene)
+    assert other == own
+
+
+def test_similar_place_that_free_space_excludes_leaves_evidence(monkeypatch):
+    scene, truth = come_back(2, 1.0, 11.0, [1.5, 1.0, 0.02])
+    expected, found = place_search.wide_search(scene, np.arange(61)), []
+    assert expected is not None and expected.rival < 0.9
+    excluded = np.append(truth, (1.1, 0.0, 0.0, 0.0))       # by its end points it would fit better
+    monkeypatch.setattr(place_search, "_excluded_place", lambda *_: (excluded, np.arange(61)))
+    for ratings in ((0.0, 0.8), (0.5, 0.8), (0.75, 0.8)):
+        monkeypatch.setattr(place_search, "_ratings", lambda *_, found=ratings: found)
+        found.append(place_search.wide_search(scene, np.arange(61)))
+    assert found[0].rival == pytest.approx(0.2) and found[1].rival == pytest.approx(0.7) and found[2] is None
 
 
 def test_fine_raster_resolves_shallow_niches():

@@ -31,7 +31,8 @@ class Place:
         Length of the path whose scans fit there [m].
     rival : float
         Score of the most similar place outside the drift, or of the present pose if that is far from here, as a share
-        of this place's score.
+        of this place's score. If the score alone would not tell them apart, 1 less the difference of their ratings by
+        points in free space.
     """
 
     pose: FloatArray
@@ -305,12 +306,16 @@ def wide_search(scene: Scene, old: IndexArray) -> Optional[Place]:
     if not ((np.hypot(*(away - moved).T) < DRIFT.room) & (np.hypot(*moved) <= scene.shift[old])).any():
         return None
     other, known = _excluded_place(scene, query)
-    if other[3] > SEARCH.rival * score and _is_as_good(other[:3], known, best[:3], reference, query, scene):
-        return None
+    rival = float(other[3]) / score
+    if rival > SEARCH.rival:
+        others, own = _ratings(other[:3], known, best[:3], reference, query, scene)
+        if others >= SEARCH.rival * own:
+            return None
+        rival = 1.0 - (own - others)
     unmoved = _score_without_shift(scene, query, reach) if np.hypot(*moved) > DRIFT.room else 0.0
     if unmoved > SEARCH.rival * score:
         return None
-    return Place(best[:3], best[3], reach, max(float(other[3]), unmoved) / score)
+    return Place(best[:3], best[3], reach, max(rival, unmoved / score))
 
 
 def is_unique(best: FloatArray) -> bool:
@@ -415,14 +420,14 @@ def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexA
     return best, reference
 
 
-def _is_as_good(other: FloatArray, known: IndexArray, pose: FloatArray, reference: IndexArray, query: FloatArray,
-                scene: Scene) -> bool:
-    """Whether a place, seen among the nodes ``known``, is rated as well as ``pose`` among ``reference``."""
+def _ratings(other: FloatArray, known: IndexArray, pose: FloatArray, reference: IndexArray, query: FloatArray,
+             scene: Scene) -> Tuple[float, float]:
+    """Return the rating of a place, seen among the nodes ``known``, and that of ``pose`` among ``reference``."""
     width = 2 * int(round(SEARCH.local[0] / NEAR_CELL)) + 1
     allowed = np.ones((width, width), np.uint8)
-    ratings = [_rated(place, query, scene, nodes, allowed, NEAR_CELL)[0].max()
-               for place, nodes in ((other, known), (pose, reference))]
-    return bool(ratings[0] >= SEARCH.rival * ratings[1])
+    others, own = (float(_rated(place, query, scene, nodes, allowed, NEAR_CELL)[0].max())
+                   for place, nodes in ((other, known), (pose, reference)))
+    return others, own
 
 
 def near_places(middles: FloatArray, away: FloatArray, reach: Union[float, FloatArray],
