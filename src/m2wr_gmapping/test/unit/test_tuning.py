@@ -42,7 +42,8 @@ KEPT = {
         "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",
         "PLACES": "layout", "PLACE_SHIFT": ""},
     "filter/tile_maps.py": {
-        "CELLS_A_SIDE": "layout", "MARGIN": "buffer", "FIRST_TILES": "buffer", "NEVER": "no limit of hits"},
+        "CELLS_A_SIDE": "layout", "MARGIN": "buffer", "FIRST_TILES": "buffer", "NEVER": "no limit of hits",
+        "TOGETHER": "buffer"},
     "filter/trajectory.py": {"FIRST_NODES": "buffer"},
     "filter/tree_kernels.py": {},
 }
