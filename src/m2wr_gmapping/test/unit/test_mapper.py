@@ -98,7 +98,7 @@ def test_map_shows_the_walls(mapped, ring):
     mapper.close()
 
 
-def test_the_last_map_is_that_of_the_path_and_needs_no_particle_maps(mapped):
+def test_the_last_map_needs_no_maps_of_particles(mapped):
     mapper, _, _ = mapped(laps=0.4)
     drawn, counted = mapper.last_map(), mapper.occupancy()
     assert np.array_equal(drawn.data, counted.data) and np.array_equal(drawn.origin, counted.origin)

@@ -115,7 +115,7 @@ def test_each_particle_gets_the_map_of_its_ancestor(ancestors):
     assert used(maps) == len(np.unique(maps.table[maps.table >= 0]))
 
 
-def test_released_maps_keep_no_tile_but_the_count_of_left_out_scans():
+def test_released_maps_keep_no_tile():
     maps = TileMaps(2, 0.05, NEVER, limit=400)
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[1.0], [2.0]]))
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[500.0], [2.0]]))
