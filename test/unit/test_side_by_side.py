@@ -30,8 +30,11 @@ def program(path, text):
     path.chmod(0o755)
 
 
-def begun_and_ended(folder, together, processors, jobs=None):
-    """Run tools/test.sh in a temporary workspace; returns the log lines of its two tests, in order."""
+def begun_and_ended(folder, together, processors, jobs=None, pytest_options=None):
+    """Run tools/test.sh in a temporary workspace; returns the log lines of its two tests, in order.
+
+    ``pytest_options`` is the user's PYTEST_ADDOPTS; the one of the run that this test belongs to is not passed on.
+    """
     for name in ("bin", "tools", "catkin_build", "src", "dropin", "test"):
         (folder / name).mkdir()
     for name in ("common.sh", "test.sh", "test_summary.py"):
@@ -41,7 +44,10 @@ def begun_and_ended(folder, together, processors, jobs=None):
     (folder / "tests.mk").write_text(MAKEFILE.format(folder, together))
     program(folder / "bin" / "catkin", CATKIN.format(folder))
     program(folder / "bin" / "nproc", "#!/bin/sh\necho %d\n" % processors)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("TEST_")}
+    environment = {name: value for name, value in os.environ.items()
+                   if not name.startswith("TEST_") and name != "PYTEST_ADDOPTS"}
+    if pytest_options is not None:
+        environment["PYTEST_ADDOPTS"] = pytest_options
     environment.update(PATH="%s:%s" % (folder / "bin", environment["PATH"]),
                        M2WR_OS_RELEASE=str(folder / "os-release"), **({"TEST_JOBS": str(jobs)} if jobs else {}))
     done = subprocess.run([str(folder / "tools" / "test.sh")], env=environment, universal_newlines=True,
@@ -71,7 +77,6 @@ def test_python_tests_use_as_many_processes(tmp_path, processors, jobs, expected
     assert "-q" in options and re.findall(r"-n \d+ ", options) == expected
 
 
-def test_options_of_the_user_come_last(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTEST_ADDOPTS", "-n 5 -x")
-    begun_and_ended(tmp_path, 1, 2)
+def test_options_of_the_user_come_last(tmp_path):
+    begun_and_ended(tmp_path, 1, 2, pytest_options="-n 5 -x")
     assert (tmp_path / "options").read_text().endswith(" -n 5 -x\n")
