@@ -181,7 +181,7 @@ def with_array(content, name, array):
     (lambda content: content[:-1], "cut off"), (lambda content: content + b"x", "cut off"),
     (lambda content: content[:-9] + b"123456789", "damaged"),
     (lambda content: content[:5000] + b"123456789" + content[5009:], "damaged"),
-    (lambda content: another_document(content, version=99), "version 99; this program reads version 15"),
+    (lambda content: another_document(content, version=99), "version 99; this program reads version 16"),
     (lambda content: another_document(content, format="other"), "expected a state"),
     (lambda content: another_document(content, config=[]), "config"),
     (lambda content: another_document(content, config={"particles": 10**9}), "particles is 1000000000; expected 1 to"),

@@ -112,6 +112,8 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("filter.maps.table", lambda found: found + 10**6, "filter.maps.table is [0-9]+; expected -1 to .*, below"),
     ("filter.maps.table", lambda found: found - 2, "filter.maps.table is -[23]"),
     ("filter.maps.table", lambda found: found[:2], "particles|expected"),
+    ("filter.maps.blocks", lambda found: found + 10**6, "filter.maps.blocks is [0-9]+; expected -1 to .*, below"),
+    ("filter.maps.blocks", lambda found: found[:, :4], "filter.maps.blocks: 4 where 8 are expected"),
     ("filter.tree._parent", lambda found: found[::-1].copy(), "order in which they were made"),
     ("filter.tree._parent", lambda found: np.maximum(found, 0), "not in the order"),
     ("filter.tree.leaves", lambda found: 0 * found, "has not the"),

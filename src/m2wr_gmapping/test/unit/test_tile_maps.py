@@ -12,11 +12,18 @@ from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 ROUNDED = 0.05 / 255        # a mean is rounded to a 255th of a cell by each hit, half up or down [m]
 
 
+def tiles(maps, particle):
+    """Tile of one particle at each place, (8 H, 8 W); -1 for none."""
+    _, rows, columns = maps.table.shape
+    found = np.where((maps.table[particle] >= 0)[..., None, None], maps.blocks[maps.table[particle]], -1)
+    return found.swapaxes(1, 2).reshape(8 * rows, 8 * columns)
+
+
 def cells(maps, particle):
     """{(column, row) on the absolute lattice: (hits, mean x, mean y)} of one particle's map."""
-    found = {}
-    for ty, tx in zip(*np.nonzero(maps.table[particle] >= 0)):
-        tile = maps.table[particle, ty, tx]
+    found, table = {}, tiles(maps, particle)
+    for ty, tx in zip(*np.nonzero(table >= 0)):
+        tile = table[ty, tx]
         for cell in np.flatnonzero(maps.hits[tile]):
             x, y = tx * 16 + cell % 16, ty * 16 + cell // 16
             mean = maps.frame[:2] + (np.array([x, y]) + maps.mean[tile, cell] / 255.0) / maps.frame[2]
@@ -48,6 +55,11 @@ def same(found, expected):
 def used(maps):
     """Number of tiles that particles hold."""
     return len(maps.compact()["mean"])
+
+
+def used_blocks(maps):
+    """Number of blocks that particles hold."""
+    return len(maps.compact()["blocks"])
 
 
 def fill(maps, particle, pose, points):
@@ -88,6 +100,29 @@ def test_all_particles_equal_one_after_the_other():
         assert cells(one, particle) == cells(all_at_once, particle)
 
 
+def test_a_write_copies_only_the_block_and_the_tile_that_it_changes():
+    maps = TileMaps(3, 0.05, NEVER)
+    everywhere, one = np.stack(np.meshgrid(np.arange(0.2, 30.0, 0.4), np.arange(0.2, 30.0, 0.4))), np.full((2, 1), 10.0)
+    fill(maps, 0, (0, 0, 0), everywhere.reshape(2, -1))
+    maps.resample(np.zeros(3, np.int64))
+    number, blocks = used(maps), used_blocks(maps)
+    assert blocks > 16 and number > 1000
+    fill(maps, 1, (0, 0, 0), one)
+    fill(maps, 1, (0, 0, 0), one)
+    assert (used(maps), used_blocks(maps)) == (number + 1, blocks + 1)
+    fill(maps, 2, (0, 0, 0), one)
+    assert (used(maps), used_blocks(maps)) == (number + 2, blocks + 2)
+    changed = tiles(maps, 1) != tiles(maps, 0)
+    assert changed.sum() == 1 and (tiles(maps, 2) != tiles(maps, 0)).tolist() == changed.tolist()
+
+
+@pytest.mark.parametrize("count", [1, 30, 80])
+def test_tables_of_a_large_map_are_small(count):
+    maps = TileMaps(count, 0.05, NEVER)
+    assert maps.cover(np.full(2, -150.0), np.full(2, 150.0))
+    assert maps.table.nbytes == count * maps.table[0].nbytes < count * 12000
+
+
 def test_particles_share_until_they_write():
     rng = np.random.default_rng(1)
     maps = TileMaps(3, 0.05, NEVER)
@@ -112,15 +147,17 @@ def test_each_particle_gets_the_map_of_its_ancestor(ancestors):
     before = [cells(maps, particle) for particle in range(5)]
     maps.resample(np.array(ancestors))
     assert [cells(maps, particle) for particle in range(len(ancestors))] == [before[k] for k in ancestors]
-    assert used(maps) == len(np.unique(maps.table[maps.table >= 0]))
+    held = np.concatenate([tiles(maps, particle).ravel() for particle in range(len(ancestors))])
+    assert used(maps) == len(np.unique(held[held >= 0]))
+    assert used_blocks(maps) == len(np.unique(maps.table[maps.table >= 0]))
 
 
 def test_released_maps_keep_no_tile():
-    maps = TileMaps(2, 0.05, NEVER, limit=400)
+    maps = TileMaps(2, 0.05, NEVER, limit=200000)
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[1.0], [2.0]]))
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[500.0], [2.0]]))
     maps.release()
-    assert maps.beyond == 1 and not maps.table.size + maps.mean.size + maps.hits.size
+    assert maps.beyond == 1 and not sum(part.size for part in (maps.table, *maps.layout[:3]))
 
 
 def test_a_path_is_registered_as_scan_by_scan():
@@ -173,7 +210,7 @@ def test_a_table_that_grows_keeps_all_maps(low, high):
 
 
 def test_table_does_not_grow_beyond_its_limit():
-    maps = TileMaps(1, 0.05, NEVER, limit=2000)
+    maps = TileMaps(1, 0.05, NEVER, limit=500000)
     fill(maps, 0, (0, 0, 0), np.array([[1.0], [1.0]]))
     fill(maps, 0, (5000, 0, 0), np.array([[1.0], [1.0]]))
     assert maps.beyond == 1 and len(cells(maps, 0)) == 1
@@ -189,7 +226,7 @@ def test_points_outside_the_table_limit_are_ignored():
 
 
 def everywhere(maps):
-    return np.ones(maps.table.shape[1:], bool)
+    return ~maps.no_tiles()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -200,13 +237,13 @@ def test_marked_tiles_cover_all_shifted_points(seed):
     maps.register(np.zeros((1, 3)), rng.uniform(-11.0, 11.0, (2, 4000)))
     centre, points = rng.uniform(-3.0, 3.0, 3), rng.uniform(-4.0, 4.0, (2, 3))
     reach, widest, count = float(rng.uniform(0.1, 0.8)), float(rng.uniform(0.02, 0.9)), int(rng.integers(1, 12))
-    marked = np.zeros(maps.table.shape[1:], bool)
+    marked = maps.no_tiles()
     tiles_around(centre, widest, count, points, 1, reach, maps.frame, marked)
     assert 0 < marked.sum() < marked.size       # the points are few: not all of the map is near one
     corner = np.zeros(2, np.int64)
     whole, part = (np.zeros((marked.shape[0] * 16, marked.shape[1] * 16), np.uint8) for _ in range(2))
-    draw_field(maps.table[0], maps.mean, maps.hits, maps.frame, corner, 0.05, everywhere(maps), whole)
-    draw_field(maps.table[0], maps.mean, maps.hits, maps.frame, corner, 0.05, marked, part)
+    draw_field(maps.table[0], *maps.layout, corner, 0.05, everywhere(maps), whole)
+    draw_field(maps.table[0], *maps.layout, corner, 0.05, marked, part)
     assert (whole != part).any()
     for theta in centre[2] + np.linspace(-widest, widest, 2 * count + 1):
         c, s = math.cos(theta), math.sin(theta)
@@ -225,7 +262,7 @@ def test_field_holds_the_value_of_the_nearest_mean(seed):
     maps.register(np.array([[0.3, -0.2, 0.7]]), rng.uniform(-2.0, 2.0, (2, 60)), 1)
     corner = np.array([20, 60]) + rng.integers(-30, 5, 2)       # partly outside the table
     field = np.full((70, 90), 7, np.uint8)
-    draw_field(maps.table[1], maps.mean, maps.hits, maps.frame, corner, sigma, everywhere(maps), field)
+    draw_field(maps.table[1], *maps.layout, corner, sigma, everywhere(maps), field)
     wanted = np.zeros((74, 94))                 # with a border of two cells, which other means reach into
     for _, x, y in cells(maps, 1).values():
         at = (np.array([x, y]) - maps.frame[:2]) / 0.05 - corner

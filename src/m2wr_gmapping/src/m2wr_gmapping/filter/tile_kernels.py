@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registration of scans in copy-on-write tile maps, with reference counts of the tiles.
+"""Registration of scans in copy-on-write tile maps, with reference counts of tiles and blocks.
 
 Array layouts
 -------------
 ``table`` (N, H, W) int32
-    Tile of each particle at each place, -1 for none.
+    Block of each particle at each place, -1 for none.
+``blocks`` (G, 8, 8) int32
+    Tile at each place of a block, -1 for none.
 ``mean`` (T, 256, 2) uint8, ``hits`` (T, 256) uint8
     Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its
     number of hits, which stops at MOST_HITS.
-``holders`` (T,) int32
-    Number of particles that hold a tile.
-``free`` (T,) int32, ``counters`` (1,) int64
-    Stack of unused tiles and its height.
+``block_holders`` (G,) int32, ``holders`` (T,) int32
+    Number of particles that hold a block, and of blocks that hold a tile.
+``free_blocks`` (G,) int32, ``free`` (T,) int32, ``counters`` (2,) int64
+    Stacks of unused blocks and unused tiles, and their heights.
 """
 from __future__ import annotations
 
@@ -26,20 +28,62 @@ if TYPE_CHECKING:
     from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array
 
 SHIFT, MASK, CELLS = 4, 15, 256
+BLOCK_SHIFT, BLOCK_MASK = 3, 7
+PATCH_SHIFT = SHIFT + BLOCK_SHIFT       # from cells to places of the table
+BLOCKS, TILES = 0, 1                    # of ``counters``
 UNIT, MOST_HITS = 1.0 / 255, 255
 TURNS_TOGETHER = 4              # rotations that tiles_around handles together
 PLACES, PLACE_SHIFT = 8, 5      # positions of a mean in its cell along one axis in draw_field: the upper three bits
 
 
 @kernel
-def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint8Array, hits: Uint8Array, holders: Int32Array,
-           free: Int32Array, counters: IndexArray) -> int:
-    """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
-    tile = table[n, ty, tx]
-    counters[0] -= 1
-    fresh = free[counters[0]]
+def tile_at(grid: Int32Array, blocks: Int32Array, ty: int, tx: int) -> int:
+    """Return the tile of one map at a row and column of tiles, which must be within its table; -1 for none.
+
+    Parameters
+    ----------
+    grid : (H, W) int32
+        Table of one particle.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
+    ty : int
+        Row.
+    tx : int
+        Column.
+    """
+    block = grid[ty >> BLOCK_SHIFT, tx >> BLOCK_SHIFT]
+    return -1 if block < 0 else blocks[block, ty & BLOCK_MASK, tx & BLOCK_MASK]
+
+
+@kernel
+def _own_block(grid: Int32Array, by: int, bx: int, blocks: Int32Array, block_holders: Int32Array,
+               free_blocks: Int32Array, holders: Int32Array, counters: IndexArray) -> int:
+    """Give a particle a block of its own at that place, a new one or a copy of the shared one; return it."""
+    block = grid[by, bx]
+    counters[BLOCKS] -= 1
+    fresh = free_blocks[counters[BLOCKS]]
+    block_holders[fresh] = 1
+    grid[by, bx] = fresh
+    if block < 0:
+        blocks[fresh] = -1
+        return fresh
+    block_holders[block] -= 1
+    for y in range(BLOCK_MASK + 1):
+        for x in range(BLOCK_MASK + 1):
+            tile = blocks[block, y, x]
+            blocks[fresh, y, x] = tile
+            if tile >= 0:
+                holders[tile] += 1
+    return fresh
+
+
+@kernel
+def _own_tile(tile: int, mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array,
+              counters: IndexArray) -> int:
+    """Return a tile of one holder: a copy of a shared one, or a new one if that is -1."""
+    counters[TILES] -= 1
+    fresh = free[counters[TILES]]
     holders[fresh] = 1
-    table[n, ty, tx] = fresh
     if tile < 0:
         for k in range(CELLS):
             hits[fresh, k] = 0
@@ -78,7 +122,7 @@ def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], 
 
 
 @kernel
-def bounds_of_scans(path: FloatArray, points: FloatArray, ends: IndexArray, corners: FloatArray) -> None:
+def bounds_of_scans(path: FloatArray, points: FloatArray, parts: IndexArray, corners: FloatArray) -> None:
     """Write lower and upper corner of a box that holds the end points of each of several scans.
 
     Parameters
@@ -86,29 +130,27 @@ def bounds_of_scans(path: FloatArray, points: FloatArray, ends: IndexArray, corn
     path : (K, 3) float64
         Poses of the scans x, y [m], theta [rad] in ``map``.
     points : (2, B) float64
-        End points of all scans, one after the other [m, laser frame].
-    ends : (K,) int64
-        Number of end points up to the end of each scan.
+        End points of all scans [m, laser frame].
+    parts : (K, 2) int64
+        First end point of each scan, and the one after the last.
     corners : (K, 2, 2) float64
         Written [m].
     """
-    first = 0
     for k in range(path.shape[0]):
-        low, high = bounds(path[k:k + 1], points[:, first:ends[k]])
+        low, high = bounds(path[k:k + 1], points[:, parts[k, 0]:parts[k, 1]])
         corners[k, 0, 0], corners[k, 0, 1], corners[k, 1, 0], corners[k, 1, 1] = low[0], low[1], high[0], high[1]
-        first = ends[k]
 
 
 @kernel
-def _register(n: int, pose: FloatArray, points: FloatArray, first: int, last: int, table: Int32Array,
-              mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
-              frame: FloatArray, frozen: int) -> int:
-    """Register the end points ``first`` to ``last``, excluded, in the map of particle ``n``.
+def _register(grid: Int32Array, pose: FloatArray, points: FloatArray, first: int, last: int, blocks: Int32Array,
+              mean: Uint8Array, hits: Uint8Array, block_holders: Int32Array, free_blocks: Int32Array,
+              holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray, frozen: int) -> int:
+    """Register the end points ``first`` to ``last``, excluded, in the map of one particle.
 
-    Returns the first one that is not registered: less than ``last`` if the stack of free tiles becomes empty.
+    Returns the first one that is not registered: less than ``last`` if a stack becomes empty.
     """
     ox, oy, inv = frame[0], frame[1], frame[2]
-    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
+    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
     x, y, c, s = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
     for b in range(first, last):
         fx = (x + c * points[0, b] - s * points[1, b] - ox) * inv
@@ -117,13 +159,21 @@ def _register(n: int, pose: FloatArray, points: FloatArray, first: int, last: in
             continue
         ix, iy = int(fx), int(fy)
         cell = ((iy & MASK) << SHIFT) | (ix & MASK)
-        tile = table[n, iy >> SHIFT, ix >> SHIFT]
+        ty, tx = iy >> SHIFT, ix >> SHIFT
+        tile = tile_at(grid, blocks, ty, tx)
         if tile >= 0 and hits[tile, cell] >= frozen:
             continue
-        if tile < 0 or holders[tile] != 1:
-            if counters[0] < 1:
+        by, bx = ty >> BLOCK_SHIFT, tx >> BLOCK_SHIFT
+        block = grid[by, bx]
+        if block < 0 or block_holders[block] != 1:
+            if counters[BLOCKS] < 1:
                 return b
-            tile = _owned(table, n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
+            block = _own_block(grid, by, bx, blocks, block_holders, free_blocks, holders, counters)
+        if tile < 0 or holders[tile] != 1:
+            if counters[TILES] < 1:
+                return b
+            tile = _own_tile(tile, mean, hits, holders, free, counters)
+            blocks[block, ty & BLOCK_MASK, tx & BLOCK_MASK] = tile
         if hits[tile, cell] < MOST_HITS:
             hits[tile, cell] += 1
         share = 1.0 / hits[tile, cell]
@@ -134,35 +184,44 @@ def _register(n: int, pose: FloatArray, points: FloatArray, first: int, last: in
 
 
 @kernel
-def register_scans(first: int, poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array,
-                   mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
-                   frame: FloatArray, frozen: int) -> bool:
-    """Register end points in the map of each particle ``first`` + n, seen from ``poses[n]``.
+def register_scans(particles: IndexArray, poses: FloatArray, points: FloatArray, parts: IndexArray,
+                   progress: IndexArray, table: Int32Array, blocks: Int32Array, mean: Uint8Array, hits: Uint8Array,
+                   block_holders: Int32Array, free_blocks: Int32Array, holders: Int32Array, free: Int32Array,
+                   counters: IndexArray, frame: FloatArray, frozen: int) -> bool:
+    """Register end points in the maps of particles: one scan in many maps, or many scans in one.
 
     Points outside the table are left out.
 
     Parameters
     ----------
-    first : int
-        First particle.
-    poses : (N, 3) float64
+    particles : (K,) int64
+        Particle of each pose.
+    poses : (K, 3) float64
         Poses x, y [m], theta [rad] in ``map``.
     points : (2, B) float64
         End points [m, laser frame].
+    parts : (K, 2) int64
+        First end point that is seen from each pose, and the one after the last.
     progress : (2,) int64
-        First pose and point; changed to the next ones if the stack of free tiles becomes empty.
+        First pose, and the number of its points that are done; changed if a stack becomes empty.
     table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
+        Block of each particle at each place, -1 for none.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
     mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
         Number of hits of each cell.
+    block_holders : (G,) int32
+        Number of particles that hold each block.
+    free_blocks : (G,) int32
+        Stack of unused blocks.
     holders : (T,) int32
-        Number of particles that hold each tile.
+        Number of blocks that hold each tile.
     free : (T,) int32
         Stack of unused tiles.
-    counters : (1,) int64
-        Height of the stack.
+    counters : (2,) int64
+        Heights of the stacks of blocks and tiles.
     frame : (3,) float64
         World x, y of the table's corner [m], cells per metre.
     frozen : int
@@ -171,79 +230,57 @@ def register_scans(first: int, poses: FloatArray, points: FloatArray, progress: 
     Returns
     -------
     bool
-        False if the stack of free tiles is empty. The caller then adds tiles and calls again.
+        False if a stack is empty. The caller then adds blocks or tiles and calls again.
     """
-    last = points.shape[1]
-    for n in range(progress[0], poses.shape[0]):
-        done = _register(first + n, poses[n], points, progress[1], last, table, mean, hits, holders, free, counters,
-                         frame, frozen)
+    for k in range(progress[0], poses.shape[0]):
+        first, last = parts[k, 0], parts[k, 1]
+        done = _register(table[particles[k]], poses[k], points, first + progress[1], last, blocks, mean, hits,
+                         block_holders, free_blocks, holders, free, counters, frame, frozen)
         if done < last:
-            progress[0], progress[1] = n, done
+            progress[0], progress[1] = k, done - first
             return False
         progress[1] = 0
     return True
 
 
 @kernel
-def register_path(path: FloatArray, points: FloatArray, ends: IndexArray, progress: IndexArray, table: Int32Array,
-                  mean: Uint8Array, hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray,
-                  frame: FloatArray, frozen: int) -> bool:
-    """Register the end points of several scans in the map of the first particle.
-
-    Parameters
-    ----------
-    path : (K, 3) float64
-        Poses of the scans x, y [m], theta [rad] in ``map``.
-    points : (2, B) float64
-        End points of all scans, one after the other [m, laser frame].
-    ends : (K,) int64
-        Number of end points up to the end of each scan.
-    progress : (2,) int64
-        First scan and point; changed to the next ones if the stack of free tiles becomes empty.
-    table, mean, hits, holders, free, counters, frame, frozen
-        As for ``register_scans``.
-
-    Returns
-    -------
-    bool
-        As of ``register_scans``.
-    """
-    for k in range(progress[0], path.shape[0]):
-        done = _register(0, path[k], points, progress[1], ends[k], table, mean, hits, holders, free, counters,
-                         frame, frozen)
-        progress[0], progress[1] = k, done
-        if done < ends[k]:
-            return False
-    return True
-
-
-@kernel
-def count_holders(table: Int32Array, holders: Int32Array, free: Int32Array) -> int:
-    """Count the particles that hold each tile, and list the unused tiles.
+def count_holders(table: Int32Array, blocks: Int32Array, block_holders: Int32Array, free_blocks: Int32Array,
+                  holders: Int32Array, free: Int32Array, counters: IndexArray) -> None:
+    """Count the particles that hold each block and the blocks that hold each tile, and list the unused ones.
 
     Parameters
     ----------
     table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
+        Block of each particle at each place, -1 for none.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
+    block_holders : (G,) int32
+        Zeros; written.
+    free_blocks : (G,) int32
+        Written: stack of unused blocks, that with the lowest number on top.
     holders : (T,) int32
         Zeros; written.
     free : (T,) int32
-        Written: stack of unused tiles, that with the lowest number on top.
-
-    Returns
-    -------
-    int
-        Height of the stack.
+        Written: stack of unused tiles, in the same order.
+    counters : (2,) int64
+        Written: heights of the stacks.
     """
-    for tile in table.flat:
-        if tile >= 0:
-            holders[tile] += 1
-    count = 0
+    for block in table.flat:
+        if block >= 0:
+            block_holders[block] += 1
+    counters[:] = 0
+    for block in range(blocks.shape[0] - 1, -1, -1):
+        if block_holders[block] == 0:
+            free_blocks[counters[BLOCKS]] = block
+            counters[BLOCKS] += 1
+            continue
+        for tile in blocks[block].flat:
+            if tile >= 0:
+                holders[tile] += 1
     for unused in range(holders.shape[0] - 1, -1, -1):
         if holders[unused] == 0:
-            free[count] = unused
-            count += 1
-    return count
+            free[counters[TILES]] = unused
+            counters[TILES] += 1
 
 
 @kernel
@@ -281,7 +318,7 @@ def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArr
         [m].
     frame : (3,) float64
         World x, y of the table's corner [m], cells per metre.
-    wanted : (H, W) bool
+    wanted : (8 H, 8 W) bool
         Written: True for marked tiles; others are unchanged.
     """
     between = widest / max(1, count) * TURNS_TOGETHER
@@ -304,8 +341,8 @@ def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArr
 
 
 @kernel
-def draw_field(grid: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray, corner: IndexArray,
-               sigma: float, wanted: BoolArray, field: Uint8Array) -> None:
+def draw_field(grid: Int32Array, blocks: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
+               corner: IndexArray, sigma: float, wanted: BoolArray, field: Uint8Array) -> None:
     """Draw the mean hit points of one map into a dense field of match values.
 
     The value is 255 exp(-d^2 / sigma), where d is the distance of a cell's centre to the nearest mean within two cells,
@@ -314,7 +351,9 @@ def draw_field(grid: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: Floa
     Parameters
     ----------
     grid : (H, W) int32
-        Tile table of one particle.
+        Table of one particle.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
     mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
@@ -325,7 +364,7 @@ def draw_field(grid: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: Floa
         Cell of the table at ``field[0, 0]``; may be outside the table.
     sigma : float
         Denominator of the exponent [m^2].
-    wanted : (H, W) bool
+    wanted : (8 H, 8 W) bool
         Tiles to draw.
     field : (h, w) uint8
         Written.
@@ -334,11 +373,11 @@ def draw_field(grid: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: Floa
     _stamp_values(1.0 / (frame[2] * frame[2] * sigma), stamps)
     height, width = field.shape
     field[:] = 0
-    first_y, last_y = max(0, corner[1] >> SHIFT), min(grid.shape[0], ((corner[1] + height) >> SHIFT) + 1)
-    first_x, last_x = max(0, corner[0] >> SHIFT), min(grid.shape[1], ((corner[0] + width) >> SHIFT) + 1)
+    first_y, last_y = max(0, corner[1] >> SHIFT), min(wanted.shape[0], ((corner[1] + height) >> SHIFT) + 1)
+    first_x, last_x = max(0, corner[0] >> SHIFT), min(wanted.shape[1], ((corner[0] + width) >> SHIFT) + 1)
     for ty in range(first_y, last_y):
         for tx in range(first_x, last_x):
-            tile = grid[ty, tx]
+            tile = tile_at(grid, blocks, ty, tx)
             if tile < 0 or not wanted[ty, tx]:
                 continue
             for cell in range(CELLS):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of the particles: copy-on-write tiles in flat storage, with an index table for each particle."""
+"""Maps of the particles: copy-on-write tiles in flat storage, in blocks that are shared in the same way."""
 from __future__ import annotations
 
 import math
@@ -11,11 +11,13 @@ from m2wr_gmapping.filter import tile_kernels as kernels
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
-    from m2wr_node.array_types import FloatArray, IndexArray
+    from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array
 
-CELLS_A_SIDE = 1 << kernels.SHIFT
-MARGIN = 2                  # margin of spare tiles around the used ones
-FIRST_TILES = 1024
+CELLS_A_SIDE = 1 << kernels.PATCH_SHIFT     # of a block
+TILES_A_SIDE = 1 << kernels.BLOCK_SHIFT     # of a block
+SPARE = 1                   # blocks on each side of a new table, and beyond a side that it outgrows
+FIRST_BLOCKS, FIRST_TILES = 64, 1024
+MOST_CELLS = 10**8          # of the map of one particle, as of the published map
 NEVER = 256
 TOGETHER = 64               # scans of a path that are registered by one call
 
@@ -32,37 +34,53 @@ class TileMaps:
     frozen : int, optional
         Hits after which the mean of a cell is final, which saves time.
     limit : int, optional
-        Greatest number of tiles in the table of one particle; points outside are left out.
+        Greatest number of cells in the table of one particle; points outside are left out.
 
     Attributes
     ----------
-    table, mean, hits, frame
-        Arrays for ``match_kernels``.
+    table, blocks, mean, hits, frame
+        Arrays of ``tile_kernels``.
     beyond : int
         Number of scans that did not fit within the limit.
     """
 
-    def __init__(self, count: int, resolution: float, frozen: int = 64, limit: int = 150000) -> None:
-        self.resolution, self._frozen, self._limit = resolution, frozen, limit
+    def __init__(self, count: int, resolution: float, frozen: int = 64, limit: int = MOST_CELLS) -> None:
+        self.resolution, self._frozen, self._limit = resolution, frozen, limit // CELLS_A_SIDE**2
         self.table = np.full((count, 0, 0), -1, np.int32)
-        self._corner: Optional[Tuple[int, int]] = None                         # column, row of the table's first tile
+        self._corner: Optional[Tuple[int, int]] = None                         # column, row of the table's first block
         self.frame = np.array([0.0, 0.0, 1.0 / resolution])
+        self.blocks = np.empty((FIRST_BLOCKS, TILES_A_SIDE, TILES_A_SIDE), np.int32)
         self.mean = np.empty((FIRST_TILES, kernels.CELLS, 2), np.uint8)
         self.hits = np.empty((FIRST_TILES, kernels.CELLS), np.uint8)
         self.beyond = 0
         self._count_holders()
 
-    def _count_holders(self) -> None:
-        """Count the particles that hold each tile, and list the unused tiles."""
-        tiles = len(self.mean)
-        self._holders, self._free = np.zeros(tiles, np.int32), np.empty(tiles, np.int32)
-        self._counters = np.array([kernels.count_holders(self.table, self._holders, self._free)])
+    @property
+    def layout(self) -> Tuple[Int32Array, Uint8Array, Uint8Array, FloatArray]:
+        """The arrays that all maps share, in the order of the kernels: blocks, mean, hits, frame."""
+        return self.blocks, self.mean, self.hits, self.frame
 
-    def _more_tiles(self) -> None:
-        old = len(self.mean)
-        new = old + max(old // 8, FIRST_TILES)
-        for array in (self.mean, self.hits):
-            array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
+    def no_tiles(self) -> BoolArray:
+        """Return False for every tile of a table, (8 H, 8 W) bool."""
+        _, rows, columns = self.table.shape
+        return np.zeros((rows * TILES_A_SIDE, columns * TILES_A_SIDE), bool)
+
+    def _count_holders(self) -> None:
+        """Count the holders of all blocks and tiles, and list the unused ones."""
+        blocks, tiles = len(self.blocks), len(self.mean)
+        self._block_holders, self._free_blocks = np.zeros(blocks, np.int32), np.empty(blocks, np.int32)
+        self._holders, self._free = np.zeros(tiles, np.int32), np.empty(tiles, np.int32)
+        self._counters = np.empty(2, np.int64)
+        kernels.count_holders(self.table, self.blocks, self._block_holders, self._free_blocks, self._holders, self._free,
+                              self._counters)
+
+    def _add_storage(self) -> None:
+        """Add blocks or tiles, whichever are used up."""
+        for height, least, arrays in ((self._counters[kernels.BLOCKS], FIRST_BLOCKS, (self.blocks,)),
+                                      (self._counters[kernels.TILES], FIRST_TILES, (self.mean, self.hits))):
+            for array in arrays if height < 1 else ():
+                new = len(array) + max(len(array) // 8, least)
+                array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
         self._count_holders()
 
     def cover(self, low: Tuple[float, float], high: Tuple[float, float]) -> bool:
@@ -80,49 +98,40 @@ class TileMaps:
         bool
             False if the limit is exceeded.
         """
-        x, y, end_x, end_y = tiles = self._tiles(low, high)
-        first, last = (x - MARGIN, y - MARGIN), (end_x + MARGIN, end_y + MARGIN)
+        x, y, end_x, end_y = needed = self._places(low, high)
+        first, last = (x - SPARE, y - SPARE), (end_x + SPARE, end_y + SPARE)
         if self._corner is not None:
-            if self._covers(tiles):
+            if self._covers(needed):
                 return True
             old_x, old_y = self._corner
             rows, columns = self.table.shape[1:]
-            grow = 4 * MARGIN
-            first = (old_x if x > old_x else min(first[0] - grow, old_x),
-                     old_y if y > old_y else min(first[1] - grow, old_y))
-            last = (old_x + columns if end_x < old_x + columns else max(last[0] + grow, old_x + columns),
-                    old_y + rows if end_y < old_y + rows else max(last[1] + grow, old_y + rows))
+            first = (old_x if x > old_x else min(first[0] - SPARE, old_x),
+                     old_y if y > old_y else min(first[1] - SPARE, old_y))
+            last = (old_x + columns if end_x < old_x + columns else max(last[0] + SPARE, old_x + columns),
+                    old_y + rows if end_y < old_y + rows else max(last[1] + SPARE, old_y + rows))
         if (last[0] - first[0]) * (last[1] - first[1]) > self._limit:
             self.beyond += 1
             return False
-        self._grow((last[1] - first[1], last[0] - first[0]), *(
-            (0, 0) if self._corner is None else (old_y - first[1], old_x - first[0])))
-        self._corner = first
+        table = np.full((len(self.table), last[1] - first[1], last[0] - first[0]), -1, np.int32)
+        if self._corner is not None:
+            at_x, at_y = old_x - first[0], old_y - first[1]
+            table[:, at_y:at_y + rows, at_x:at_x + columns] = self.table
+        self.table, self._corner = table, first
         self._place()
         return True
 
-    def _tiles(self, low: Sequence[float], high: Sequence[float]) -> Tuple[int, int, int, int]:
-        """Return first column and row of the tiles of a box, and those after the last ones."""
+    def _places(self, low: Sequence[float], high: Sequence[float]) -> Tuple[int, int, int, int]:
+        """Return first column and row of the blocks of a box, and those after the last ones."""
         size = CELLS_A_SIDE * self.resolution
         return (math.floor(low[0] / size), math.floor(low[1] / size),
                 math.floor(high[0] / size) + 1, math.floor(high[1] / size) + 1)
 
-    def _covers(self, tiles: Tuple[int, int, int, int]) -> bool:
-        """Return whether the table spans tiles, as of ``_tiles``, with a margin."""
+    def _covers(self, places: Tuple[int, int, int, int]) -> bool:
+        """Return whether the table spans blocks, as of ``_places``, with one to spare on each side."""
         assert self._corner is not None
-        x, y, end_x, end_y = tiles
+        x, y, end_x, end_y = places
         (old_x, old_y), (rows, columns) = self._corner, self.table.shape[1:]
         return x > old_x and y > old_y and end_x < old_x + columns and end_y < old_y + rows
-
-    def _grow(self, shape: Tuple[int, int], y: int, x: int) -> None:
-        """Grow the table to (rows, columns) in place, so that it is not in memory twice; the old one begins at y, x."""
-        rows, columns = self.table.shape[1:]
-        self.table.resize((len(self.table), *shape), refcheck=False)
-        before, size = self.table.reshape(-1), rows * columns
-        for particle in reversed(range(len(self.table))):       # a table moves behind all earlier ones
-            old = before[particle * size:(particle + 1) * size].reshape(rows, columns).copy()
-            self.table[particle] = -1
-            self.table[particle, y:y + rows, x:x + columns] = old
 
     def _place(self) -> None:
         """Set the frame; cell centres are at multiples of the resolution, as in the published map."""
@@ -147,10 +156,9 @@ class TileMaps:
         """
         if not points.shape[1]:
             return True
-        fits, progress = self.cover(*kernels.bounds(poses, points)), np.zeros(2, np.int64)
-        while not kernels.register_scans(first, poses, points, progress, self.table, self.mean, self.hits,
-                                         self._holders, self._free, self._counters, self.frame, self._frozen):
-            self._more_tiles()
+        fits, count = self.cover(*kernels.bounds(poses, points)), len(poses)
+        parts = np.tile([0, points.shape[1]], (count, 1))
+        self._register(np.arange(first, first + count), poses, points, parts)
         return fits
 
     def register_path(self, path: FloatArray, readings: Sequence[ScanReading]) -> None:
@@ -166,30 +174,34 @@ class TileMaps:
         used = [k for k, reading in enumerate(readings) if reading.points.shape[1]]
         for first in range(0, len(used), TOGETHER):
             part = used[first:first + TOGETHER]
-            ends, poses = np.cumsum([readings[k].points.shape[1] for k in part]), path[part]
-            points = np.concatenate([readings[k].points for k in part], axis=1)
-            corners, progress = np.empty((len(part), 2, 2)), np.zeros(2, np.int64)
-            kernels.bounds_of_scans(poses, points, ends, corners)
+            counts, poses = np.array([readings[k].points.shape[1] for k in part]), path[part]
+            ends = np.cumsum(counts)
+            points, parts = np.concatenate([readings[k].points for k in part], axis=1), np.stack([ends - counts, ends], -1)
+            corners = np.empty((len(part), 2, 2))
+            kernels.bounds_of_scans(poses, points, parts, corners)
             low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
-            if self._corner is None or not self._covers(self._tiles(low, high)):
+            if self._corner is None or not self._covers(self._places(low, high)):
                 for box in corners:             # a scan that exceeds the limit leaves the others their place
                     self.cover(*box)
-            while not kernels.register_path(poses, points, ends, progress, self.table, self.mean, self.hits,
-                                            self._holders, self._free, self._counters, self.frame, self._frozen):
-                self._more_tiles()
+            self._register(np.zeros(len(part), np.int64), poses, points, parts)
+
+    def _register(self, particles: IndexArray, poses: FloatArray, points: FloatArray, parts: IndexArray) -> None:
+        """Call ``register_scans`` until all points are registered."""
+        progress = np.zeros(2, np.int64)
+        while not kernels.register_scans(particles, poses, points, parts, progress, self.table, self.blocks, self.mean,
+                                         self.hits, self._block_holders, self._free_blocks, self._holders, self._free,
+                                         self._counters, self.frame, self._frozen):
+            self._add_storage()
 
     def resample(self, ancestors: IndexArray) -> None:
         """Let particles (M,) share the maps of their ancestors."""
-        if len(ancestors) == len(self.table) and (ancestors[ancestors] == ancestors).all():
-            for particle in np.flatnonzero(ancestors != np.arange(len(ancestors))):
-                self.table[particle] = self.table[ancestors[particle]]
-        else:                           # the tables are in memory twice
-            self.table = self.table[ancestors]
+        self.table = self.table[ancestors]
         self._count_holders()
 
     def release(self) -> None:
         """Release the memory of all maps; no scan can be registered any more."""
         self.table = np.full((len(self.table), 0, 0), -1, np.int32)
+        self.blocks = np.empty((0, TILES_A_SIDE, TILES_A_SIDE), np.int32)
         self.mean, self.hits = np.empty((0, kernels.CELLS, 2), np.uint8), np.empty((0, kernels.CELLS), np.uint8)
         self._count_holders()
 
@@ -201,12 +213,11 @@ class TileMaps:
     # ---- saving
 
     def compact(self) -> Dict[str, object]:
-        """Return the attributes that are stored, with the tiles in use only and in a new numbering."""
-        kept = np.flatnonzero(self._holders)
-        number = np.full(len(self._holders) + 1, -1, np.int32)          # the last entry is for places without a tile
-        number[kept] = np.arange(len(kept))
-        return dict(table=number[self.table], mean=self.mean[kept], hits=self.hits[kept], beyond=self.beyond,
-                    _corner=self._corner)
+        """Return the attributes that are stored, with the blocks and tiles in use only and in a new numbering."""
+        blocks, block_number = _renumbered(self._block_holders)
+        tiles, tile_number = _renumbered(self._holders)
+        return dict(table=block_number[self.table], blocks=tile_number[self.blocks[blocks]], mean=self.mean[tiles],
+                    hits=self.hits[tiles], beyond=self.beyond, _corner=self._corner)
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if the table does not fit its limit or corner."""
@@ -214,8 +225,16 @@ class TileMaps:
         _, rows, columns = self.table.shape
         empty = not rows * columns
         if rows * columns > self._limit or (self._corner is None) != empty or empty != (not rows and not columns):
-            raise ValueError("a table of {} x {} tiles; expected at most {}, and a corner if any".format(
+            raise ValueError("a table of {} x {} blocks; expected at most {}, and a corner if any".format(
                 rows, columns, self._limit))
         if self._corner is not None:
             self._place()
         self._count_holders()
+
+
+def _renumbered(holders: Int32Array) -> Tuple[IndexArray, Int32Array]:
+    """Return the numbers of what is held, and the new number of each; the last one is for -1, and -1."""
+    kept = np.flatnonzero(holders)
+    number = np.full(len(holders) + 1, -1, np.int32)
+    number[kept] = np.arange(len(kept))
+    return kept, number

@@ -52,8 +52,7 @@ class HillClimbMatcher:
         results = np.zeros((len(starts), mk.RESULT_SIZE))
 
         def work(first: int, last: int) -> None:
-            hk.climb_poses(starts, first, last, reading.beams, maps.table, maps.mean, maps.hits, maps.frame,
-                           self._settings, results)
+            hk.climb_poses(starts, first, last, reading.beams, maps.table, *maps.layout, self._settings, results)
 
         self._workers.run(work, len(starts))
         return results

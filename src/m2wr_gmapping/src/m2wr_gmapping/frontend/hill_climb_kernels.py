@@ -11,7 +11,8 @@ import math
 from typing import TYPE_CHECKING
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.frontend.match_kernels import FOUND, LOG_LIKELIHOOD, MASK, SCORE, SHIFT, UNIT
+from m2wr_gmapping.filter.tile_kernels import MASK, PATCH_SHIFT, SHIFT, UNIT, tile_at
+from m2wr_gmapping.frontend.match_kernels import FOUND, LOG_LIKELIHOOD, SCORE
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
@@ -22,11 +23,11 @@ NULL_DISTANCE2 = tuning.NULL_DISTANCE2
 
 
 @kernel
-def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
-             kernel: int) -> float:
+def _nearest(wx: float, wy: float, grid: Int32Array, blocks: Int32Array, mean: Uint8Array, hits: Uint8Array,
+             frame: FloatArray, kernel: int) -> float:
     """Return the squared distance to the nearest mean hit point around a point [m^2]; -1 if there is none."""
     fx, fy = (wx - frame[0]) * frame[2], (wy - frame[1]) * frame[2]
-    rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
+    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
     delta = 1.0 / frame[2]
     if not (fx >= kernel and fy >= kernel and fx < columns - kernel and fy < rows - kernel):
         return -1.0
@@ -34,7 +35,7 @@ def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint8Array, hits: Ui
     best = -1.0
     for jy in range(iy - kernel, iy + kernel + 1):
         for jx in range(ix - kernel, ix + kernel + 1):
-            tile = table[jy >> SHIFT, jx >> SHIFT]
+            tile = tile_at(grid, blocks, jy >> SHIFT, jx >> SHIFT)
             if tile < 0:
                 continue
             cell = ((jy & MASK) << SHIFT) | (jx & MASK)
@@ -48,8 +49,8 @@ def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint8Array, hits: Ui
 
 
 @kernel
-def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Array, mean: Uint8Array, hits: Uint8Array,
-           frame: FloatArray, settings: FloatArray, result: FloatArray) -> float:
+def _score(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, blocks: Int32Array,
+           mean: Uint8Array, hits: Uint8Array, frame: FloatArray, settings: FloatArray, result: FloatArray) -> float:
     """Return the score of a pose; its log-likelihood and number of matched beams are written into ``result``."""
     c, s = math.cos(theta), math.sin(theta)
     kernel = int(settings[KERNEL])
@@ -57,7 +58,7 @@ def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Arra
     found = 0
     for b in range(beams.shape[1]):
         qx, qy = beams[0, b], beams[1, b]
-        d2 = _nearest(x + c * qx - s * qy, y + s * qx + c * qy, table, mean, hits, frame, kernel)
+        d2 = _nearest(x + c * qx - s * qy, y + s * qx + c * qy, grid, blocks, mean, hits, frame, kernel)
         if d2 >= 0.0:
             score += math.exp(-d2 / settings[SIGMA])
             likelihood -= d2 / settings[LSIGMA]
@@ -69,8 +70,9 @@ def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Arra
 
 
 @kernel
-def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, mean: Uint8Array,
-                hits: Uint8Array, frame: FloatArray, settings: FloatArray, results: FloatArray) -> None:
+def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, blocks: Int32Array,
+                mean: Uint8Array, hits: Uint8Array, frame: FloatArray, settings: FloatArray,
+                results: FloatArray) -> None:
     """Climb from the start poses of some particles, each in its own map.
 
     Parameters
@@ -84,7 +86,9 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
     beams : (7, B) float64
         Beams; layout of ``match_kernels``.
     table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
+        Block of each particle at each place, -1 for none.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
     mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
@@ -99,7 +103,7 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
     for i in range(first, last):
         grid, row = table[i], results[i]
         x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]
-        current = _score(x, y, theta, beams, grid, mean, hits, frame, settings, row)
+        current = _score(x, y, theta, beams, grid, blocks, mean, hits, frame, settings, row)
         best, refinement = -1.0, 0
         lstep, astep = settings[LSTEP], settings[ASTEP]
         while True:
@@ -111,7 +115,7 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
             fx, fy, ft = x, y, theta
             for dx, dy, turn in ((lstep, 0.0, 0.0), (-lstep, 0.0, 0.0), (0.0, -lstep, 0.0), (0.0, lstep, 0.0),
                                  (0.0, 0.0, astep), (0.0, 0.0, -astep)):
-                score = _score(x + dx, y + dy, theta + turn, beams, grid, mean, hits, frame, settings, row)
+                score = _score(x + dx, y + dy, theta + turn, beams, grid, blocks, mean, hits, frame, settings, row)
                 if score > current:
                     current, fx, fy, ft = score, x + dx, y + dy, theta + turn
             x, y, theta = fx, fy, ft
@@ -119,6 +123,6 @@ def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, ta
                 break
         if not best > settings[MIN_SCORE]:
             x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]
-        _score(x, y, theta, beams, grid, mean, hits, frame, settings, row)
+        _score(x, y, theta, beams, grid, blocks, mean, hits, frame, settings, row)
         row[0], row[1] = x, y
         row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))

@@ -5,8 +5,8 @@ Plain arrays in, plain arrays out; each call handles a range of particles, so th
 
 Array layouts
 -------------
-``table`` (N, H, W) int32
-    Tile of each particle at each place, -1 for none.
+``table`` (N, H, W) int32, ``blocks`` (G, 8, 8) int32
+    Block of each particle at each place, and tile at each place of a block; -1 for none.
 ``mean`` (T, 256, 2) uint8, ``hits`` (T, 256) uint8
     Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its hits.
 ``frame`` (3,) float64
@@ -28,14 +28,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from m2wr_gmapping import tuning
+from m2wr_gmapping.filter.tile_kernels import MASK, PATCH_SHIFT, SHIFT, UNIT, tile_at
 from m2wr_maps.linear_kernels import solve
 from m2wr_node.kernel import kernel
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray, Int32Array, Uint8Array
 
-SHIFT, MASK = 4, 15
-UNIT = 1.0 / 255
 QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 # settings of the Gauss-Newton matcher
 WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6, 7
@@ -71,8 +70,8 @@ def _placed(x: float, y: float, c: float, s: float, frame: FloatArray, beams: Fl
 
 
 @kernel
-def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, mean: Uint8Array, hits: Uint8Array,
-             frame: FloatArray, pairs: FloatArray) -> int:
+def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, blocks: Int32Array,
+             mean: Uint8Array, hits: Uint8Array, frame: FloatArray, pairs: FloatArray) -> int:
     """Find for each end point the nearest mean hit point in the 3 x 3 cells around it.
 
     Parameters
@@ -86,7 +85,9 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
     beams : (7, B) float64
         Beams; layout of ``match_kernels``.
     grid : (H, W) int32
-        Tile table of one particle.
+        Table of one particle.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
     mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
@@ -102,7 +103,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
         Number of beams with a partner.
     """
     c, s = math.cos(theta), math.sin(theta)
-    rows, columns = grid.shape[0] << SHIFT, grid.shape[1] << SHIFT
+    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
     delta = 1.0 / frame[2]
     _placed(x, y, c, s, frame, beams, pairs)
     found = 0
@@ -114,7 +115,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
         ix, iy = int(fx), int(fy)
         best, best_x, best_y = 1e9, 0.0, 0.0
         if 0 < (ix & MASK) < MASK and 0 < (iy & MASK) < MASK:       # all nine cells are in one tile
-            tile = grid[iy >> SHIFT, ix >> SHIFT]
+            tile = tile_at(grid, blocks, iy >> SHIFT, ix >> SHIFT)
             if tile < 0:
                 continue
             rx, ry = fx - ix, fy - iy
@@ -131,7 +132,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
         else:
             for jy in range(iy - 1, iy + 2):
                 for jx in range(ix - 1, ix + 2):
-                    tile = grid[jy >> SHIFT, jx >> SHIFT]
+                    tile = tile_at(grid, blocks, jy >> SHIFT, jx >> SHIFT)
                     if tile < 0:
                         continue
                     k = ((jy & MASK) << SHIFT) | (jx & MASK)
@@ -295,9 +296,9 @@ def _advance(step: FloatArray, lever2: float, only: bool, pose: FloatArray, befo
 
 
 @kernel
-def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint8Array,
-           hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
-           sums: FloatArray, row: FloatArray) -> None:
+def _match(start: FloatArray, prediction: FloatArray, beams: FloatArray, grid: Int32Array, blocks: Int32Array,
+           mean: Uint8Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray,
+           pairs: FloatArray, sums: FloatArray, row: FloatArray) -> None:
     """Match a scan in one map, with scratch arrays for pairs and equations, ``sums`` (SUMS,)."""
     h, g, step, pose, before = sums[:6], sums[6:9], sums[9:12], sums[12:15], sums[15:21]
     per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
@@ -305,7 +306,7 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
     pose[:] = start
     found, settled = 0, False
     for number in range(int(settings[ROUNDS])):
-        found = partners(pose[0], pose[1], pose[2], beams, grid, mean, hits, frame, pairs)
+        found = partners(pose[0], pose[1], pose[2], beams, grid, blocks, mean, hits, frame, pairs)
         _accumulate(pose[0], pose[1], pose[2], frame, pairs, found, width, 0.0, h, g)
         _add_prior(pose[0], pose[1], pose[2], prediction, prior, per_variance, h, g)
         if not solve(h, g, step):
@@ -322,7 +323,7 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
             break
         width = max(settings[NARROW], 0.5 * width)
     if not settled:
-        found = partners(pose[0], pose[1], pose[2], beams, grid, mean, hits, frame, pairs)
+        found = partners(pose[0], pose[1], pose[2], beams, grid, blocks, mean, hits, frame, pairs)
     _accumulate(pose[0], pose[1], pose[2], frame, pairs, found, settings[NARROW], settings[FREE], h, g)
     row[:3] = pose
     row[2] -= 2.0 * math.pi * math.floor((pose[2] + math.pi) / (2.0 * math.pi))
@@ -333,8 +334,8 @@ def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: F
 
 @kernel
 def match_particles(starts: FloatArray, predictions: FloatArray, first: int, last: int, beams: FloatArray,
-                    table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
-                    settings: FloatArray, least: float, results: FloatArray) -> None:
+                    table: Int32Array, blocks: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
+                    prior: FloatArray, settings: FloatArray, least: float, results: FloatArray) -> None:
     """Match a scan in the maps of some particles by Gauss-Newton, from ``starts``.
 
     The cost is the robust point-to-line distance of the end points to their nearest mean hit points, plus the distance
@@ -356,7 +357,9 @@ def match_particles(starts: FloatArray, predictions: FloatArray, first: int, las
     beams : (7, B) float64
         Beams; layout of ``match_kernels``.
     table : (N, H, W) int32
-        Tile of each particle at each place, -1 for none.
+        Block of each particle at each place, -1 for none.
+    blocks : (G, 8, 8) int32
+        Tile at each place of a block, -1 for none.
     mean : (T, 256, 2) uint8
         Mean hit point of each cell.
     hits : (T, 256) uint8
@@ -375,9 +378,9 @@ def match_particles(starts: FloatArray, predictions: FloatArray, first: int, las
     pairs, sums = scratch(beams.shape[1]), np.zeros(SUMS)
     for i in range(first, last):
         row = results[i]
-        _match(starts[i], predictions[i], table[i], beams, mean, hits, frame, prior, settings, pairs, sums, row)
+        _match(starts[i], predictions[i], beams, table[i], blocks, mean, hits, frame, prior, settings, pairs, sums, row)
         if row[SCORE] <= least:
             row[0], row[1], row[2] = predictions[i, 0], predictions[i, 1], predictions[i, 2]
             row[INFORMATION:] = 0.0
-            found = partners(row[0], row[1], row[2], beams, table[i], mean, hits, frame, pairs)
+            found = partners(row[0], row[1], row[2], beams, table[i], blocks, mean, hits, frame, pairs)
             _rate(row[0], row[1], row[2], beams.shape[1], frame, pairs, found, settings, row)

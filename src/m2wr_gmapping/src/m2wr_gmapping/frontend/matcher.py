@@ -148,10 +148,10 @@ class FastMatcher:
         """
         results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
         least = min(minimum_score, tuning.MATCHING.score * beams.shape[1])
-        table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._near_settings
+        settings = self._near_settings
 
         def work(first: int, last: int) -> None:
-            mk.match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings,
+            mk.match_particles(starts, predictions, first, last, beams, maps.table, *maps.layout, prior, settings,
                                least, results)
 
         self._workers.run(work, len(starts))
@@ -183,8 +183,8 @@ class FastMatcher:
             Result row of ``match_kernels``.
         """
         rows = np.empty((1, mk.RESULT_SIZE))
-        mk.match_particles(start[None], prediction[None], 0, 1, beams, maps.table[particle:particle + 1], maps.mean,
-                           maps.hits, maps.frame, prior, self._settings, -math.inf, rows)
+        mk.match_particles(start[None], prediction[None], 0, 1, beams, maps.table[particle:particle + 1], *maps.layout,
+                           prior, self._settings, -math.inf, rows)
         return rows[0]
 
     def _match(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, expected: FloatArray,
@@ -195,8 +195,8 @@ class FastMatcher:
         """
         row = np.empty(mk.RESULT_SIZE)
         cost, pull = tk.match_with_odometry(
-            start, expected, variances, reading.beams, maps.table[particle:particle + 1], maps.mean, maps.hits,
-            maps.frame, self._near_settings if near else self._settings, row)
+            start, expected, variances, reading.beams, maps.table[particle:particle + 1], *maps.layout,
+            self._near_settings if near else self._settings, row)
         return row, cost, pull
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool, share: float,
@@ -385,9 +385,9 @@ class FastMatcher:
         corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
         field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
         stride = max(1, beams.shape[1] // tuning.MATCHING.search_beams)
-        wanted = np.zeros(maps.table.shape[1:], bool)
+        wanted = maps.no_tiles()
         tiles_around(prediction, float(turns[-1, 0]), len(turns) // 2, beams, stride, farthest, maps.frame, wanted)
-        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, tuning.MATCHING.wide, wanted, field)
+        draw_field(maps.table[particle], *maps.layout, corner, tuning.MATCHING.wide, wanted, field)
         best = np.empty(4)
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)

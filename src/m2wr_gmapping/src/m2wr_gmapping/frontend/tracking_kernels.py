@@ -148,7 +148,7 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
 
 @kernel
 def match_with_odometry(start: FloatArray, expected: FloatArray, variances: FloatArray, beams: FloatArray,
-                        table: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
+                        table: Int32Array, blocks: Int32Array, mean: Uint8Array, hits: Uint8Array, frame: FloatArray,
                         settings: FloatArray, row: FloatArray) -> Tuple[float, float]:
     """Match in one map, with odometry along directions that the scan does not observe.
 
@@ -160,10 +160,10 @@ def match_with_odometry(start: FloatArray, expected: FloatArray, variances: Floa
         Pose by odometry in ``map``.
     variances : (3,) float64
         Its variances [m^2, m^2, rad^2].
-    beams, mean, hits, frame, settings
+    beams, blocks, mean, hits, frame, settings
         As of ``match_particles``.
     table : (1, H, W) int32
-        Tile at each place, -1 for none.
+        Block at each place, -1 for none.
     row : (13,) float64
         Result row; written.
 
@@ -173,8 +173,8 @@ def match_with_odometry(start: FloatArray, expected: FloatArray, variances: Floa
         As of ``cost_of``.
     """
     prior = 1.0 / variances
-    match_particles(start.reshape(1, 3), expected.reshape(1, 3), 0, 1, beams, table, mean, hits, frame, prior, settings,
-                    -math.inf, row.reshape(1, RESULT_SIZE))
+    match_particles(start.reshape(1, 3), expected.reshape(1, 3), 0, 1, beams, table, blocks, mean, hits, frame, prior,
+                    settings, -math.inf, row.reshape(1, RESULT_SIZE))
     ik.fuse(row, expected, prior)
     return cost_of(row, expected, variances)
 

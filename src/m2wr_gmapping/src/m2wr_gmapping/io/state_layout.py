@@ -12,6 +12,7 @@ from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, 
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
+from m2wr_gmapping.filter.tile_maps import TILES_A_SIDE as BLOCK_SIDE
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
@@ -21,7 +22,7 @@ from m2wr_maps.occupancy_kernels import CELLS as BLOCK
 from m2wr_maps.saved_map import SavedMap
 
 #: The version is increased if the meaning of a stored name changes.
-FORMAT = Format(name="m2wr_gmapping state", version=15, program="slam_gmapping",
+FORMAT = Format(name="m2wr_gmapping state", version=16, program="slam_gmapping",
                 instead="map the bag again, or start on the saved map")
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
@@ -49,9 +50,10 @@ GIVEN = Record(lambda values: SavedMap(**values), {
     "origin": Array("float64", "2", -EXTENT, EXTENT), "name": Text(1000)})
 TILES = Part({
     "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
-    "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,
+    "blocks": Array("int32", "G %d %d" % (BLOCK_SIDE, BLOCK_SIDE), -1, below="T"),
+    "table": Array("int32", "particles R C", -1, below="G"), "beyond": COUNT,
     "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
-    ("resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
+    ("resolution", "_frozen", "_limit", "frame", "_counters", "_block_holders", "_free_blocks", "_holders", "_free"))
 TREE = Part({
     "_parent": Array("int64", "M", -1), "_pose": Array("float64", "M 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
     "leaves": Array("int64", "particles", 0, below="M"), "depth": COUNT}, ("_used",))
