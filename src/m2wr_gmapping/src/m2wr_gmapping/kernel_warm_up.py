@@ -13,6 +13,7 @@ from m2wr_gmapping.frontend.information_kernels import unfold, weak_axis
 from m2wr_gmapping.frontend.match_kernels import RESULT_SIZE
 from m2wr_gmapping.frontend.matcher import NO_PRIOR, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.frontend.view_memory import ViewMemory
 from m2wr_gmapping.mapper import Mapper
 from m2wr_maps.se2 import compose
 from m2wr_node.kernel_library import prepare
@@ -41,9 +42,10 @@ def tour(mapper: Mapper, steps: int = 40) -> None:
 
 
 def rare_work(mapper: Mapper) -> None:
-    """Call the kernels that the tour may not reach: corridors, window search, drift, loop search."""
+    """Call the kernels that the tour may not reach: a robot at rest, corridors, window search, drift, loop search."""
     particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
+    ViewMemory().has_changed(reading)
     matcher = FastMatcher(mapper.config, ThreadTeam(1))
     matcher.search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]), NO_PRIOR)
     weak_axis(np.ones(RESULT_SIZE))

@@ -26,7 +26,7 @@ KEPT = {
         "LSTEP": "indices", "ASTEP": "", "ITERATIONS": "", "SIGMA": "", "LSIGMA": "", "KERNEL": "", "MIN_SCORE": ""},
     "frontend/information_kernels.py": {"INFORMATION": "index"},
     "frontend/match_kernels.py": dict.fromkeys(
-        "SHIFT MASK UNIT QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
+        "QX QY NX NY ARM_N ARM_T SLIDE BEAM_ROWS WIDE NARROW ROUNDS SPREAD SIGMA LSIGMA FREE "
         "MATCH_SETTINGS POSE SCORE LOG_LIKELIHOOD FOUND COST INFORMATION RESULT_SIZE LANES PAIR_ROWS SUMS".split(),
         "indices and layout"),
     "frontend/matcher.py": {"NO_SLIP": "names of results", "DOUBTFUL": "", "SLIP": "", "LARGE_SLIP": "",
@@ -37,13 +37,14 @@ KEPT = {
         "REQUEST_SIZE RECORD_SIZE".split(), "indices and layout"),
     "frontend/view_memory.py": {"SECTORS": "layout of the state"},
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
-    "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},
+    "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division", "MOST_TILES": "limit of memory"},
     "filter/tile_kernels.py": {
-        "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",
+        "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "BLOCK_SHIFT": "", "BLOCK_MASK": "", "PATCH_SHIFT": "",
+        "BLOCKS": "index", "TILES": "index", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",
         "PLACES": "layout", "PLACE_SHIFT": ""},
     "filter/tile_maps.py": {
-        "CELLS_A_SIDE": "layout", "MARGIN": "buffer", "FIRST_TILES": "buffer", "NEVER": "no limit of hits",
-        "TOGETHER": "buffer"},
+        "CELLS_A_SIDE": "layout", "TILES_A_SIDE": "layout", "SPARE": "buffer", "FIRST_BLOCKS": "buffer",
+        "FIRST_TILES": "buffer", "MOST_CELLS": "limit of memory", "NEVER": "no limit of hits", "TOGETHER": "buffer"},
     "filter/trajectory.py": {"FIRST_NODES": "buffer"},
     "filter/tree_kernels.py": {},
 }

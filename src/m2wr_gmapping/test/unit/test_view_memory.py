@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.scan import LaserModel
-from m2wr_gmapping.frontend.scan_kernels import profile
+from m2wr_gmapping.frontend.scan_kernels import changed_sectors, profile
 from m2wr_gmapping.frontend.view_memory import SECTORS, ViewMemory
 
 LASER = LaserModel.from_message(-math.pi, math.pi, math.pi / 180, 361, 0.05, 20.0, max_urange=10.0)
@@ -63,3 +63,9 @@ def test_profile_is_the_mean_range_of_each_sector():
     sectors = ((np.arctan2(rays[1], rays[0]) + math.pi) / (2.0 * math.pi) * SECTORS).astype(int) % SECTORS
     wanted = [np.hypot(*rays[:, sectors == k]).mean() if (sectors == k).any() else 0.0 for k in range(SECTORS)]
     assert out == pytest.approx(np.array(wanted), rel=1e-5)
+
+
+def test_changed_sectors_are_counted():
+    before, now = np.array([0.0, 0.0, 2.0, 2.0, 2.0]), np.array([0.0, 0.1, 2.2, 2.4, 0.0])
+    assert changed_sectors(before, now, 0.3) == (2, 4)
+    assert changed_sectors(before, before, 0.3) == (0, 3)

@@ -114,13 +114,11 @@ class TurnedPath:
 
         Only those far from it count: a place that looks alike after a turn is the reason for the doubt.
         """
-        old, new = self._graph.link_nodes.T
-
-        def is_settled(node: int) -> bool:
-            across = new[(old < node) & (node <= new)]
-            return int((np.hypot(*(path[across] - path[node])[:, :2].T) > SEARCH.reach).sum()) >= TURNS.count
-
-        doubtful[:] = [doubt for doubt in doubtful if not is_settled(doubt[0])]
+        (old, new), nodes = self._graph.link_nodes.T, np.array([[node] for node, _ in doubtful])
+        away = np.hypot(path[new, 0] - path[nodes, 0], path[new, 1] - path[nodes, 1])
+        across = (old < nodes) & (nodes <= new) & (away > SEARCH.reach)
+        settled = np.count_nonzero(across, axis=1) >= TURNS.count
+        doubtful[:] = [doubt for doubt, is_settled in zip(doubtful, settled) if not is_settled]
 
     def _coarse(self, query: FloatArray, route: Route, doubts: List[Doubt], shift: FloatArray,
                 turn: FloatArray) -> Optional[FloatArray]:

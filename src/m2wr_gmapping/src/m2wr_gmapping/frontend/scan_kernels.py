@@ -202,3 +202,28 @@ def profile(rays: Float32Array, out: FloatArray) -> None:
     for k in range(out.shape[0]):
         if counts[k]:
             out[k] /= counts[k]
+
+
+@kernel
+def changed_sectors(before: FloatArray, now: FloatArray, least: float) -> Tuple[int, int]:
+    """Compare two profiles (N,), as of ``profile``.
+
+    Parameters
+    ----------
+    before : (N,) float64
+        Mean ranges [m], 0 for sectors without beams.
+    now : (N,) float64
+        The same of a later scan.
+    least : float
+        Change of a mean range that counts [m].
+
+    Returns
+    -------
+    int
+        Number of sectors whose range has changed, and of those with beams in either.
+    """
+    changed = present = 0
+    for k in range(now.shape[0]):
+        changed += abs(now[k] - before[k]) > least
+        present += now[k] > 0.0 or before[k] > 0.0
+    return changed, present

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Tuple
 
 from m2wr_gmapping import tuning
-from m2wr_maps.se2 import compose
+from m2wr_maps.se2 import composed
 
 if TYPE_CHECKING:
     from m2wr_node.array_types import FloatArray
@@ -31,8 +29,9 @@ class Standstill:
     def __init__(self) -> None:
         self.longest = self.unexplained = 0.0
         self._scans, self._first, self._last = 0, 0.0, 0.0
-        self._step = np.zeros(3)            # by odometry since the newest scan
-        self._sums = np.zeros((2, 2))       # rows distance and rotation; sums of weights, and of weights times speed
+        self._step = (0.0, 0.0, 0.0)        # by odometry since the newest scan [m, m, rad]
+        # distance and rotation: sums of weights, and of weights times speed
+        self._driven = self._turned = (0.0, 0.0)
 
     def add(self, stamp: float, step: FloatArray) -> None:
         """Take note of a scan. One that arrives too late is a part of the step to the next one.
@@ -44,7 +43,7 @@ class Standstill:
         step : (3,) float64
             Motion by odometry since the last scan that has arrived [m, m, rad].
         """
-        self._step = compose(self._step, step)
+        self._step = composed(self._step, step.tolist())
         if not self._scans:
             self._first = self._last = stamp
         interval = stamp - self._last
@@ -52,18 +51,13 @@ class Standstill:
             return
         self._scans += 1
         time = max(interval, (stamp - self._first) / max(1, self._scans - 1))       # some logs have stamps that jitter
-        x, y, turn = self._step.tolist()
-        distance, needed = math.hypot(x, y), 0.0
-        is_usual = 0.0 < distance + abs(turn) and distance < tuning.ODOMETRY.fastest * time       # no reset of odometry
-        rows = self._sums.tolist()
-        for motion, weight, sums in zip((distance, abs(turn)), (distance, turn * turn), rows):
-            if is_usual:
-                sums[0] += weight
-                sums[1] += weight * motion / time
-            if sums[1] > 0.0:
-                needed = max(needed, motion * (sums[0] / sums[1]))
-        self._sums, self._step, self._last = np.array(rows), np.zeros(3), stamp
-        still = max(0.0, interval - needed)
+        x, y, turn = self._step
+        distance, turn = math.hypot(x, y), abs(turn)
+        if 0.0 < distance + turn and distance < tuning.ODOMETRY.fastest * time:       # no reset of odometry
+            self._driven = _added(self._driven, distance, distance, time)
+            self._turned = _added(self._turned, turn * turn, turn, time)
+        self._step, self._last = (0.0, 0.0, 0.0), stamp
+        still = max(0.0, interval - max(_needed(self._driven, distance), _needed(self._turned, turn)))
         self.longest = max(self.longest, still)
         self.unexplained += still
 
@@ -74,6 +68,16 @@ class Standstill:
     def explain(self) -> None:
         """Tell that laser and odometry agree on the newest scan: so far the robot was not turned."""
         self.unexplained = 0.0
+
+
+def _added(sums: Tuple[float, float], weight: float, motion: float, time: float) -> Tuple[float, float]:
+    """Return the sums of a mean speed with one more motion [m or rad] in a time [s]."""
+    return sums[0] + weight, sums[1] + weight * motion / time
+
+
+def _needed(sums: Tuple[float, float], motion: float) -> float:
+    """Return the time [s] that a motion [m or rad] needs at its usual speed; 0 if that is unknown."""
+    return motion * (sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
 
 
 def turn_cost(angle: float, still: float) -> float:

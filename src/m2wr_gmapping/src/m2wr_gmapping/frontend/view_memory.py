@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.frontend.scan_kernels import profile
+from m2wr_gmapping.frontend.scan_kernels import changed_sectors, profile
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
@@ -31,6 +31,5 @@ class ViewMemory:
     def has_changed(self, reading: ScanReading) -> bool:
         """Return whether a scan differs clearly from the remembered one."""
         profile(reading.rays, self._now)
-        changed = np.abs(self._now - self._seen) > tuning.TRACKING.sector_change
-        present = (self._now > 0.0) | (self._seen > 0.0)
-        return bool(np.count_nonzero(changed) > tuning.TRACKING.affected_share * np.count_nonzero(present))
+        changed, present = changed_sectors(self._seen, self._now, tuning.TRACKING.sector_change)
+        return bool(changed > tuning.TRACKING.affected_share * present)

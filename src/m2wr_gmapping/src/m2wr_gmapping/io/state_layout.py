@@ -62,7 +62,7 @@ FILTER = Part({
     "log_weights": Array("float64", "particles"), "weight_sums": Array("float64", "particles"),
     "weights": Array("float64", "particles", 0.0, 1.0 + 1e-6), "_rng_motion": Generator(),
     "_rng_resample": Generator(), "resamplings": COUNT, "maps": TILES, "tree": TREE},
-    ("_least", "_most", "_matcher", "_noise", "_gain", "_resample_below"))
+    ("_least", "_most", "_most_tiles", "_matcher", "_noise", "_gain", "_resample_below"))
 OCCUPANCY = Part({
     "_counts": Array("int32", "B %d 2" % BLOCK, 0), "_table": Array("int32", "R C", -1, below="B"),
     "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),
@@ -91,8 +91,8 @@ VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 GAPS = Part({
     "surprise": REAL, "_count": COUNT, "_gaps": COUNT, "_first": REAL, "_last": REAL, "_steps": COUNT, "_slips": COUNT})
 STANDSTILL = Part({
-    "longest": REAL, "unexplained": REAL, "_scans": COUNT, "_first": REAL, "_last": REAL, "_step": POSE,
-    "_sums": Array("float64", "2 2")})
+    "longest": REAL, "unexplained": REAL, "_scans": COUNT, "_first": REAL, "_last": REAL,
+    "_step": Group(REAL, REAL, REAL), "_driven": Group(REAL, REAL), "_turned": Group(REAL, REAL)})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))

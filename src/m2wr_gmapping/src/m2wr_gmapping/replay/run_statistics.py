@@ -24,24 +24,25 @@ class Stopwatch:
     def __init__(self) -> None:
         self.wall: List[float] = []
         self.cpu: List[float] = []
-        self._pending, self._longest_pending, self._longest = np.zeros((3, 2))
+        self._pending = self._longest_pending = self._longest = (0.0, 0.0)
 
     def __enter__(self) -> Stopwatch:
         self._begun = time.perf_counter(), time.process_time()
         return self
 
     def __exit__(self, *_: object) -> None:
-        taken = time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
-        self._pending += taken
-        self._longest_pending = np.maximum(self._longest_pending, taken)
+        wall, cpu = time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
+        self._pending = self._pending[0] + wall, self._pending[1] + cpu
+        self._longest_pending = max(self._longest_pending[0], wall), max(self._longest_pending[1], cpu)
 
     def piece(self) -> None:
         """End a piece: its time is everything measured since the last one."""
         if self.wall:
-            self._longest = np.maximum(self._longest, self._longest_pending)
+            self._longest = (max(self._longest[0], self._longest_pending[0]),
+                             max(self._longest[1], self._longest_pending[1]))
         self.wall.append(self._pending[0])
         self.cpu.append(self._pending[1])
-        self._pending, self._longest_pending = np.zeros((2, 2))
+        self._pending = self._longest_pending = (0.0, 0.0)
 
     def summary(self) -> Dict[str, Any]:
         """Return count and, for wall and CPU, the times named below.
