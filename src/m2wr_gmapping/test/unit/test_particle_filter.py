@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.filter import particle_filter
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.odometry_kernels import user_noise
@@ -44,6 +45,37 @@ def test_undistinguished_paths_follow_odometry(driven, seed):
     particles, _ = driven(100, seed=seed)
     assert np.allclose(particles.poses[particles.best], [50.0, 0.0, 0.0], atol=1e-9)
     assert particles.poses[:, 2].std() > 0.02           # the others have gone their ways
+
+
+@pytest.fixture
+def with_maps(monkeypatch):
+    """Function: a filter whose particles have each a map of about 40 tiles, with memory for 50."""
+    def make(**parameters):
+        monkeypatch.setattr(particle_filter, "MOST_TILES", 50)
+        particles = ParticleFilter(GmappingConfig.from_mapping(dict(particles=COUNT, **parameters)), Matches(), np.zeros(3))
+        particles.tree.extend(particles.poses)
+        rng = np.random.default_rng(1)
+        for k in range(COUNT):
+            particles.maps.register(particles.poses[k:k + 1], rng.uniform(-9.0, 9.0, (2, 40)), k)
+        return particles
+    return make
+
+
+def test_fewer_maps_are_kept_if_memory_is_used_up(with_maps):
+    particles = with_maps()
+    particles.weight_sums[5] = 1.0
+    private = []
+    for _ in range(40):
+        private.append(particles.maps.private_tiles(particles.best))
+        if particles.resample() is None:
+            break
+        assert particles.count == COUNT and particles.weight_sums.max() == 1.0          # the best one is among them
+    assert private[0] > 500 and private == sorted(private, reverse=True) and private[-1] <= 50 < particles.maps.used
+
+
+def test_compatible_particles_keep_all_their_maps(with_maps):
+    particles = with_maps(compatible=True)
+    assert particles.resample() is None and particles.maps.private_tiles(0) > 500
 
 
 def test_path_that_scans_support_becomes_the_best(driven):

@@ -2,6 +2,7 @@
 """Particle filter: poses, weights, maps and paths of the particles, and their update by one processed scan."""
 from __future__ import annotations
 
+import math
 import zlib
 from typing import TYPE_CHECKING, Optional, Sequence, Union
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     Matcher = Union[FastMatcher, HillClimbMatcher]
 
 LEAST_DEVIATION = 1e-6      # of a proposal, so that its inverse is finite [m, m, rad]
+MOST_TILES = 3 << 14        # beyond those of one map: 36 MiB, so that a process stays below 150 MiB
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -68,6 +70,7 @@ class ParticleFilter:
         self._least, self._most = config["min_particles"], count
         self._matcher, self._noise = matcher, config.noise
         self._gain, self._resample_below = config["ogain"], config["resampleThreshold"]     # per particle
+        self._most_tiles = math.inf if config["compatible"] else MOST_TILES
         self._rng_motion, self._rng_resample = stream(config["seed"], "motion"), stream(config["seed"], "resampling")
         self.poses = np.tile(np.asarray(start, float), (count, 1))
         self.log_weights, self.weight_sums = np.zeros(count), np.zeros(count)
@@ -138,14 +141,28 @@ class ParticleFilter:
         return rows
 
     def resample(self) -> Optional[IndexArray]:
-        """Resample if too few particles carry the weight, or their number changes; return the ancestors or None."""
+        """Resample if too few particles carry the weight, their number changes, or their maps need too much memory.
+
+        In the last case half as many ancestors are drawn, and each has two descendants.
+
+        Returns
+        -------
+        (N,) int64 or None
+            The ancestors.
+        """
         count, best = self.count, self.best
         if self._least < self._most:
             count = resampling.next_count(self.poses, best, self._least, self._most)
-        if count == self.count and self.n_eff >= self._resample_below * count:
+        is_crowded = self.maps.used > self._most_tiles and self.maps.private_tiles(best) > self._most_tiles
+        if count == self.count and self.n_eff >= self._resample_below * count and not is_crowded:
             return None
-        ancestors = resampling.systematic_resample(
-            self.weights, self._rng_resample.random(), count, best if count != self.count else None)
+        if is_crowded:      # not systematic: that would keep all maps if every second particle has the same one
+            drawn = self._rng_resample.choice(self.count, (count + 1) // 2, p=self.weights)
+            drawn[0] = best
+            ancestors = np.repeat(drawn, 2)[:count]
+        else:
+            ancestors = resampling.systematic_resample(
+                self.weights, self._rng_resample.random(), count, best if count != self.count else None)
         if count != self.count:
             self.weights = np.full(count, 1.0 / count)
         self.poses = self.poses[ancestors]

@@ -60,6 +60,16 @@ class TileMaps:
         """The arrays that all maps share, in the order of the kernels: blocks, mean, hits, frame."""
         return self.blocks, self.mean, self.hits, self.frame
 
+    @property
+    def used(self) -> int:
+        """Number of tiles that the particles hold."""
+        return len(self.mean) - int(self._counters[kernels.TILES])
+
+    def private_tiles(self, particle: int) -> int:
+        """Return how many tiles the particles hold beyond those of one particle."""
+        held = self.table[particle]
+        return self.used - int(np.count_nonzero(self.blocks[held[held >= 0]] >= 0))
+
     def no_tiles(self) -> BoolArray:
         """Return False for every tile of a table, (8 H, 8 W) bool."""
         _, rows, columns = self.table.shape
