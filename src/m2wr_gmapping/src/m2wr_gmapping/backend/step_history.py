@@ -40,7 +40,7 @@ class StepHistory:
     def __init__(self) -> None:
         self._records = np.zeros((FIRST_STEPS, RECORD_SIZE))
         self._information, self._variances = np.zeros((FIRST_STEPS, 3, 3)), np.zeros(FIRST_STEPS)
-        self._measured: List[FloatArray] = []       # pose of each node from the one before, [0] unused
+        self._measured = np.zeros((1, 3))           # pose of each node from the one before, [0] unused
         self.doubtful: List[Doubt] = []
         self.count, self._checked_at = 1, 0
 
@@ -91,11 +91,12 @@ class StepHistory:
         (K, 3) float64
             Pose of each node from the one before; the first is 0.
         """
-        for k in range(len(self._measured), len(path)):
-            self._measured.append(between(path[k - 1], path[k]) if k else np.zeros(3))
-        count = len(path)
+        count, known = len(path), len(self._measured)
+        if known < count:
+            more = [between(path[k - 1], path[k]) for k in range(known, count)]
+            self._measured = np.concatenate([self._measured, more])
         change = changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / DRIFT.calibration)
-        return compose(np.array(self._measured[:count]), change)
+        return compose(self._measured[:count], change)
 
     def mark_doubtful(self, alike: BoolArray) -> None:
         """Tell that the robot may have turned in an unknown way on the step to the newest node.
@@ -106,7 +107,7 @@ class StepHistory:
 
     def step(self, node: int) -> Step:
         """Return the step to a node."""
-        return (self._measured[node], self._information[node].copy(), float(self._variances[node]),
+        return (self._measured[node].copy(), self._information[node].copy(), float(self._variances[node]),
                 self._records[node].copy())
 
     def replace_step(self, node: int, step: Step) -> None:

@@ -70,8 +70,8 @@ OCCUPANCY = Part({
     ("ground", "_resolution", "_threshold", "_most_cells", "_used"))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
-    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(Group(NODE, Array("bool", "3"))),
-    "_checked_at": COUNT}, ("count",))
+    "_variances": Array("float64", "S"), "_measured": Array("float64", "Q 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
+    "doubtful": Many(Group(NODE, Array("bool", "3"))), "_checked_at": COUNT}, ("count",))
 GRAPH = Part({"links": Many(LINK), "rejected": Many(Group(NODE, NODE)), "searches": COUNT, "closures": COUNT},
              ("_matcher", "_resolution", "_history", "_link_nodes"))
 EXTENSION = Part({
