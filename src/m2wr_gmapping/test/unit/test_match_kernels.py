@@ -33,8 +33,8 @@ def cloud(seed, count=150):
 def matched(maps, beams, start, prediction, prior, settings=SETTINGS):
     """Result row of a match in the only map."""
     rows = np.zeros((1, mk.RESULT_SIZE))
-    mk.match_particles(np.array([start], float), np.array([prediction], float), 0, 1, beams, maps.table, maps.mean,
-                       maps.hits, maps.frame, np.full(3, prior), settings, -math.inf, rows)
+    mk.match_particles(np.array([start], float), np.array([prediction], float), 0, 1, beams, maps.table, *maps.layout,
+                       np.full(3, prior), settings, -math.inf, rows)
     return rows[0]
 
 
@@ -44,9 +44,10 @@ def slow_nearest(maps, x, y, half=1):
     best = None
     for jy in range(math.floor(fy) - half, math.floor(fy) + half + 1):
         for jx in range(math.floor(fx) - half, math.floor(fx) + half + 1):
-            if not (0 <= jx < maps.table.shape[2] * 16 and 0 <= jy < maps.table.shape[1] * 16):
+            if not (0 <= jx < maps.table.shape[2] * 128 and 0 <= jy < maps.table.shape[1] * 128):
                 continue
-            tile = maps.table[0, jy // 16, jx // 16]
+            block = maps.table[0, jy // 128, jx // 128]
+            tile = -1 if block < 0 else maps.blocks[block, jy // 16 % 8, jx // 16 % 8]
             cell = (jy % 16) * 16 + jx % 16
             if tile < 0 or not maps.hits[tile, cell]:
                 continue
@@ -76,7 +77,7 @@ def test_rating_equals_reference(pose):
     maps, beams = cloud(1)
     row = np.zeros(mk.RESULT_SIZE)
     predictions = np.array([pose], float)
-    mk.match_particles(np.zeros((1, 3)), predictions, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame,
+    mk.match_particles(np.zeros((1, 3)), predictions, 0, 1, beams, maps.table, *maps.layout,
                        np.ones(3), SETTINGS, np.inf, row[None])         # a score out of reach: the prediction stands
     assert (row[:3] == pose).all() and not row[mk.INFORMATION:].any()
     assert np.allclose(row[3:6], slow_rating(maps, beams, pose), rtol=1e-9, atol=1e-9)
@@ -88,7 +89,7 @@ def test_hill_climb_score_equals_reference(half):
     settings = np.array([0.05, 0.05, 0, 0.05, 0.075, half, 1e9])        # a score out of reach: the pose stays
     results = np.zeros((1, mk.RESULT_SIZE))
     pose = np.array([[0.06, -0.03, 0.02]])
-    hk.climb_poses(pose, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame, settings, results)
+    hk.climb_poses(pose, 0, 1, beams, maps.table, *maps.layout, settings, results)
     assert np.allclose(results[0, :3], pose) and np.allclose(results[0, 3:6], slow_rating(maps, beams, pose[0], half))
 
 
@@ -98,7 +99,7 @@ def test_both_matchers_recover_the_pose(start):
     starts, results = np.array([start]), np.zeros((1, mk.RESULT_SIZE))
     row = matched(maps, beams, start, start, 1e-6)
     assert np.abs(row[:2]).max() < 0.005 and abs(row[2]) < 0.002
-    hk.climb_poses(starts, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame,
+    hk.climb_poses(starts, 0, 1, beams, maps.table, *maps.layout,
                    np.array([0.05, 0.05, 5, 0.05, 0.075, 1, 0.0]), results)
     assert np.abs(results[0, :2]).max() < 0.01 and abs(results[0, 2]) < 0.005
 
@@ -180,12 +181,12 @@ def test_match_particles_equals_single_matches():
     rng = np.random.default_rng(7)
     starts, predictions = rng.normal(0.0, 0.02, (3, 3)), rng.normal(0.0, 0.02, (3, 3))
     results, row = np.full((3, mk.RESULT_SIZE), np.nan), np.zeros((1, mk.RESULT_SIZE))
-    mk.match_particles(starts, predictions, 1, 3, beams, shifted.table, shifted.mean, shifted.hits, shifted.frame,
+    mk.match_particles(starts, predictions, 1, 3, beams, shifted.table, *shifted.layout,
                        np.full(3, 50.0), SETTINGS, 0.0, results)
     assert np.isnan(results[0]).all()
     for particle in (1, 2):
         mk.match_particles(starts[particle:], predictions[particle:], 0, 1, beams, shifted.table[particle:],
-                           shifted.mean, shifted.hits, shifted.frame, np.full(3, 50.0), SETTINGS, -math.inf, row)
+                           *shifted.layout, np.full(3, 50.0), SETTINGS, -math.inf, row)
         assert (results[particle] == row[0]).all()
     assert abs(results[2, 0] - results[1, 0]) > 0.01
 

@@ -153,7 +153,7 @@ def test_each_particle_gets_the_map_of_its_ancestor(ancestors):
 
 
 def test_released_maps_keep_no_tile():
-    maps = TileMaps(2, 0.05, NEVER, limit=200000)
+    maps = TileMaps(2, 0.05, NEVER, limit=500000)
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[1.0], [2.0]]))
     fill(maps, 0, (0.0, 0.0, 0.0), np.array([[500.0], [2.0]]))
     maps.release()
@@ -260,15 +260,15 @@ def test_field_holds_the_value_of_the_nearest_mean(seed):
     maps = TileMaps(2, 0.05)
     maps.cover(np.full(2, -3.0), np.full(2, 3.0))
     maps.register(np.array([[0.3, -0.2, 0.7]]), rng.uniform(-2.0, 2.0, (2, 60)), 1)
-    corner = np.array([20, 60]) + rng.integers(-30, 5, 2)       # partly outside the table
-    field = np.full((70, 90), 7, np.uint8)
+    corner = rng.integers(-30, 0, 2)            # outside the table
+    field = np.full((270, 290), 7, np.uint8)
     draw_field(maps.table[1], *maps.layout, corner, sigma, everywhere(maps), field)
-    wanted = np.zeros((74, 94))                 # with a border of two cells, which other means reach into
+    wanted = np.zeros((274, 294))                 # with a border of two cells, which other means reach into
     for _, x, y in cells(maps, 1).values():
         at = (np.array([x, y]) - maps.frame[:2]) / 0.05 - corner
         column, row = np.floor(at).astype(int)
-        for cy in range(max(row - 2, -2), min(row + 3, 72)):
-            for cx in range(max(column - 2, -2), min(column + 3, 92)):
+        for cy in range(max(row - 2, -2), min(row + 3, 272)):
+            for cx in range(max(column - 2, -2), min(column + 3, 292)):
                 squared = 0.05**2 * np.square(at - [cx + 0.5, cy + 0.5]).sum()
                 wanted[cy + 2, cx + 2] = max(wanted[cy + 2, cx + 2], 255.0 * math.exp(-squared / sigma))
     wanted, inside = wanted[2:-2, 2:-2], np.s_[4:-4, 4:-4]      # means within two cells of the border are left out

@@ -39,7 +39,7 @@ KEPT = {
     "filter/filter_kernels.py": {"COST": "index", "INFORMATION": "index"},
     "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division", "MOST_TILES": "limit of memory"},
     "filter/tile_kernels.py": {
-        "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "BLOCK_SHIFT": "", "BLOCK_MASK": "", "PATCH_SHIFT": "",
+        "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "BLOCK_SHIFT": "", "BLOCK_MASK": "",
         "BLOCKS": "index", "TILES": "index", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",
         "PLACES": "layout", "PLACE_SHIFT": ""},
     "filter/tile_maps.py": {
