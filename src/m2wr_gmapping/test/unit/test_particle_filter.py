@@ -52,7 +52,8 @@ def with_maps(monkeypatch):
     """Function: a filter whose particles have each a map of about 40 tiles, with memory for 50."""
     def make(**parameters):
         monkeypatch.setattr(particle_filter, "MOST_TILES", 50)
-        particles = ParticleFilter(GmappingConfig.from_mapping(dict(particles=COUNT, **parameters)), Matches(), np.zeros(3))
+        config = GmappingConfig.from_mapping(dict(particles=COUNT, **parameters))
+        particles = ParticleFilter(config, Matches(), np.zeros(3))
         particles.tree.extend(particles.poses)
         rng = np.random.default_rng(1)
         for k in range(COUNT):

@@ -269,12 +269,12 @@ def count_holders(table: Int32Array, blocks: Int32Array, block_holders: Int32Arr
         if block >= 0:
             block_holders[block] += 1
     counters[:] = 0
-    for block in range(blocks.shape[0] - 1, -1, -1):
-        if block_holders[block] == 0:
-            free_blocks[counters[BLOCKS]] = block
+    for number in range(blocks.shape[0] - 1, -1, -1):
+        if block_holders[number] == 0:
+            free_blocks[counters[BLOCKS]] = number
             counters[BLOCKS] += 1
             continue
-        for tile in blocks[block].flat:
+        for tile in blocks[number].flat:
             if tile >= 0:
                 holders[tile] += 1
     for unused in range(holders.shape[0] - 1, -1, -1):

@@ -81,8 +81,8 @@ class TileMaps:
         self._block_holders, self._free_blocks = np.zeros(blocks, np.int32), np.empty(blocks, np.int32)
         self._holders, self._free = np.zeros(tiles, np.int32), np.empty(tiles, np.int32)
         self._counters = np.empty(2, np.int64)
-        kernels.count_holders(self.table, self.blocks, self._block_holders, self._free_blocks, self._holders, self._free,
-                              self._counters)
+        kernels.count_holders(self.table, self.blocks, self._block_holders, self._free_blocks, self._holders,
+                              self._free, self._counters)
 
     def _add_storage(self) -> None:
         """Add blocks or tiles, whichever are used up."""
@@ -186,7 +186,8 @@ class TileMaps:
             part = used[first:first + TOGETHER]
             counts, poses = np.array([readings[k].points.shape[1] for k in part]), path[part]
             ends = np.cumsum(counts)
-            points, parts = np.concatenate([readings[k].points for k in part], axis=1), np.stack([ends - counts, ends], -1)
+            points = np.concatenate([readings[k].points for k in part], axis=1)
+            parts = np.stack([ends - counts, ends], -1)
             corners = np.empty((len(part), 2, 2))
             kernels.bounds_of_scans(poses, points, parts, corners)
             low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
