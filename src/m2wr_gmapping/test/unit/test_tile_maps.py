@@ -100,7 +100,7 @@ def test_all_particles_equal_one_after_the_other():
         assert cells(one, particle) == cells(all_at_once, particle)
 
 
-def test_a_write_copies_only_the_block_and_the_tile_that_it_changes():
+def test_a_write_copies_only_its_own_block_and_tile():
     maps = TileMaps(3, 0.05, NEVER)
     everywhere, one = np.stack(np.meshgrid(np.arange(0.2, 30.0, 0.4), np.arange(0.2, 30.0, 0.4))), np.full((2, 1), 10.0)
     fill(maps, 0, (0, 0, 0), everywhere.reshape(2, -1))

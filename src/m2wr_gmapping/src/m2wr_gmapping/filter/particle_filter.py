@@ -153,10 +153,10 @@ class ParticleFilter:
         count, best = self.count, self.best
         if self._least < self._most:
             count = resampling.next_count(self.poses, best, self._least, self._most)
-        is_crowded = self.maps.used > self._most_tiles and self.maps.private_tiles(best) > self._most_tiles
-        if count == self.count and self.n_eff >= self._resample_below * count and not is_crowded:
+        is_full = self.maps.used > self._most_tiles and self.maps.private_tiles(best) > self._most_tiles
+        if count == self.count and self.n_eff >= self._resample_below * count and not is_full:
             return None
-        if is_crowded:      # not systematic: that would keep all maps if every second particle has the same one
+        if is_full:      # not systematic: that would keep all maps if every second particle has the same one
             drawn = self._rng_resample.choice(self.count, (count + 1) // 2, p=self.weights)
             drawn[0] = best
             ancestors = np.repeat(drawn, 2)[:count]
