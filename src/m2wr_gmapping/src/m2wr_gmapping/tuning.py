@@ -20,7 +20,8 @@ Vector2 = Tuple[float, float]
 Vector3 = Tuple[float, float, float]
 Vector6 = Tuple[float, float, float, float, float, float]
 
-UNKNOWN = "not recorded"
+#: Sources of values that only a measurement supports: `sensitivity --set report` on the development logs 1005 to 1017.
+FLAT = "measured: halved and doubled, the median error of 13 logs changes by at most 1 mm, and none is lost"
 #: Not tuned, but as in OpenSLAM gmapping: the share of the noise along a direction that motion across it adds, and the
 #: squared distance of an end point without a partner in the likelihood of a scan (nullLikelihood) [m^2].
 CROSS_NOISE, NULL_DISTANCE2 = 0.3, 0.5
@@ -47,7 +48,7 @@ class Scans:
                              "range noise of common lasers (Hokuyo, SICK data sheets): 1 to 3 cm")
     normal_reach: float = tuned(0.3, "m", "Farthest neighbour of an end point in the line that gives its normal.",
                                 "geometry: walls are straight over 0.6 m, furniture is not")
-    normal_side: int = tuned(4, "1", "Most neighbours on either side in that line.", UNKNOWN)
+    normal_side: int = tuned(4, "1", "Most neighbours on either side in that line.", FLAT)
     sparse: Vector2 = tuned((1.6, 1.0), "1, m", "Reach of that line at grazing incidence, in distances of the nearest "
                             "neighbour, and its limit.",
                             "geometry: the next beam but one is farther than twice that distance; the width of a door")
@@ -55,7 +56,7 @@ class Scans:
                               "and of a corner, whose normal is not used.",
                               "geometry: 2 cm of range noise over 0.3 m, twice; a right angle of six points")
     slide: float = tuned(0.02, "1", "Weight of the tangential residual at a straight wall, for stability only.",
-                         UNKNOWN)
+                         FLAT)
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,12 @@ class Matching:
     basin: Vector2 = tuned((0.15, 0.1), "m, rad", "Motion from which a match converges. No step of Gauss-Newton is "
                            "longer, and a slip persists over more.",
                            "geometry: three cells, from which partners are found; the same at 1.5 m")
-    dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", UNKNOWN)
+    dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", FLAT)
     normal_variance: float = tuned(0.085, "rad^2", "Variance of the angle of a normal that is fitted to noisy end "
-                                   "points.", UNKNOWN)
+                                   "points.", FLAT)
     good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans, "
-                              "and share of another place's score below which one is worse.", UNKNOWN)
+                              "and share of another place's score below which one is worse.",
+                              "measured: halved, the median error of 13 logs does not change; above 1 no match is good")
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
                            "normal distribution: 99.7 %")
     outlier: float = tuned(14.2, "1", "Squared Mahalanobis distance of an outlier, which halves its weight.",
@@ -153,8 +155,9 @@ class Slips:
     """Motion that odometry does not report, or reports although there was none."""
 
     cost: float = tuned(6.0, "1", "Negative logarithm of the probability of a slip.", "one scan in 400")
-    window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.", UNKNOWN)
-    window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
+    window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.",
+                            "measured: halved or doubled, one of 13 logs is lost")
+    window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", FLAT)
     confirm_scans: int = tuned(20, "1", "Scans after which a slip that persists is confirmed without motion; from scan "
                                "to scan it changes by at most a step of a search.", "longer than a robot pitches")
 
@@ -198,7 +201,7 @@ class Odometry:
                            "growth with distance and rotation.", "good wheels: half a per cent")
     memory: Vector2 = tuned((10.0, 1.0), "1, 1", "Steps that the scale of the noise is estimated from, and those that "
                             "the user's noise parameters weigh.", "users seldom measure them")
-    scale: Vector2 = tuned((0.1, 30.0), "1, 1", "Least and greatest scale of the user's noise.", UNKNOWN)
+    scale: Vector2 = tuned((0.1, 30.0), "1, 1", "Least and greatest scale of the user's noise.", FLAT)
     fastest: float = tuned(5.0, "m/s", "A higher speed between a saved state and the next scan means that odometry was "
                            "reset.", "robots for rooms drive at most half as fast")
 
@@ -224,7 +227,7 @@ class Calibration:
 class Particles:
     """Particle filter, and the map that is published."""
 
-    drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", UNKNOWN)
+    drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", FLAT)
     kld: Vector2 = tuned((0.15, 2.326), "1, 1", "Bound of the Kullback-Leibler distance between sample and "
                          "distribution, and the quantile of the normal distribution for it.",
                          "Fox, Adapting the sample size in particle filters, IJRR 22(12), 2003: 0.05 to 0.2; 99 %")
@@ -283,11 +286,12 @@ class Search:
     local: Vector2 = tuned((0.3, 0.08), "m, rad", "A correction up to this needs no other one; corrections by near "
                            "searches that differ by less agree.", "geometry: three cells of the raster, at 4 m")
     least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one, and least share of the "
-                               "beams with a partner in the match after a search.", UNKNOWN)
+                               "beams with a partner in the match after a search.",
+                               "measured: halved, the median error of 13 logs grows by 1 mm; above 1 no loop is closed")
     rival: float = tuned(0.9, "1", "Another place with this share of the best score, or of the best rating by points "
                          "in free space, makes the result ambiguous.",
                          "development logs: with 0.92 equal aisles are closed wrongly")
-    against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
+    against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", FLAT)
     path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
                         "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
     points: int = tuned(240, "1", "Points of a query, and beams of the match after a search.", "time of a search")
