@@ -89,7 +89,9 @@ def test_particle_count_follows_the_spread():
     assert moved(particles, [1e-3, 1e-3, 1e-3]) == FEWEST
     assert np.allclose(particles.poses[particles.best], before + STEP, atol=0.01)
     held = particles.maps.table[particles.maps.table >= 0]
-    assert len(particles.maps.compact()["blocks"]) == len(np.unique(held))    # the maps of those that went are free
+    kept, tiles = particles.maps.compact(), particles.maps.blocks[held]
+    assert len(kept["blocks"]) == len(np.unique(held))      # the maps of those that went are free
+    assert len(kept["mean"]) == len(np.unique(tiles[tiles >= 0]))
 
 
 def test_best_particle_survives_a_reduction():

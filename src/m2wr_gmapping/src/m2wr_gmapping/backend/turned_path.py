@@ -114,7 +114,7 @@ class TurnedPath:
 
         Only those far from it count: a place that looks alike after a turn is the reason for the doubt.
         """
-        (old, new), nodes = self._graph.link_nodes.T, np.array([[node] for node, _ in doubtful])
+        (old, new), nodes = self._graph.link_nodes.T, np.array([node for node, _ in doubtful], np.int64)[:, None]
         away = np.hypot(path[new, 0] - path[nodes, 0], path[new, 1] - path[nodes, 1])
         across = (old < nodes) & (nodes <= new) & (away > SEARCH.reach)
         settled = np.count_nonzero(across, axis=1) >= TURNS.count

@@ -153,6 +153,7 @@ class ParticleFilter:
         count, best = self.count, self.best
         if self._least < self._most:
             count = resampling.next_count(self.poses, best, self._least, self._most)
+        # the first condition follows from the second one, and is fast
         is_full = self.maps.used > self._most_tiles and self.maps.private_tiles(best) > self._most_tiles
         if count == self.count and self.n_eff >= self._resample_below * count and not is_full:
             return None

@@ -43,7 +43,7 @@ def systematic_resample(weights: FloatArray, start: float, count: Optional[int] 
     Returns
     -------
     (count,) int64
-        Ancestor of each new particle. Survivors keep their index if possible, so that only copies move.
+        Ancestor of each new particle. Survivors keep their index if possible.
     """
     count = len(weights) if count is None else count
     targets = (start + np.arange(count)) / count

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SHIFT, MASK, CELLS = 4, 15, 256
 BLOCK_SHIFT, BLOCK_MASK = 3, 7
-PATCH_SHIFT = SHIFT + BLOCK_SHIFT       # from cells to places of the table
+CELL_TO_BLOCK = SHIFT + BLOCK_SHIFT       # shift from cells to blocks, which are the places of the table
 BLOCKS, TILES = 0, 1                    # of ``counters``
 UNIT, MOST_HITS = 1.0 / 255, 255
 TURNS_TOGETHER = 4              # rotations that tiles_around handles together
@@ -150,7 +150,7 @@ def _register(grid: Int32Array, pose: FloatArray, points: FloatArray, first: int
     Returns the first one that is not registered: less than ``last`` if a stack becomes empty.
     """
     ox, oy, inv = frame[0], frame[1], frame[2]
-    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
+    rows, columns = grid.shape[0] << CELL_TO_BLOCK, grid.shape[1] << CELL_TO_BLOCK
     x, y, c, s = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
     for b in range(first, last):
         fx = (x + c * points[0, b] - s * points[1, b] - ox) * inv

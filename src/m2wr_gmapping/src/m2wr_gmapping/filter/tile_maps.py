@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_node.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array
 
-CELLS_A_SIDE = 1 << kernels.PATCH_SHIFT     # of a block
+CELLS_A_SIDE = 1 << kernels.CELL_TO_BLOCK     # of a block
 TILES_A_SIDE = 1 << kernels.BLOCK_SHIFT     # of a block
 SPARE = 1                   # blocks on each side of a new table, and beyond a side that it outgrows
 FIRST_BLOCKS, FIRST_TILES = 64, 1024
@@ -88,7 +88,9 @@ class TileMaps:
         """Add blocks or tiles, whichever are used up."""
         for height, least, arrays in ((self._counters[kernels.BLOCKS], FIRST_BLOCKS, (self.blocks,)),
                                       (self._counters[kernels.TILES], FIRST_TILES, (self.mean, self.hits))):
-            for array in arrays if height < 1 else ():
+            if height > 0:
+                continue
+            for array in arrays:
                 new = len(array) + max(len(array) // 8, least)
                 array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
         self._count_holders()

@@ -11,7 +11,7 @@ import math
 from typing import TYPE_CHECKING
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.tile_kernels import MASK, PATCH_SHIFT, SHIFT, UNIT, tile_at
+from m2wr_gmapping.filter.tile_kernels import CELL_TO_BLOCK, MASK, SHIFT, UNIT, tile_at
 from m2wr_gmapping.frontend.match_kernels import FOUND, LOG_LIKELIHOOD, SCORE
 from m2wr_node.kernel import kernel
 
@@ -27,7 +27,7 @@ def _nearest(wx: float, wy: float, grid: Int32Array, blocks: Int32Array, mean: U
              frame: FloatArray, kernel: int) -> float:
     """Return the squared distance to the nearest mean hit point around a point [m^2]; -1 if there is none."""
     fx, fy = (wx - frame[0]) * frame[2], (wy - frame[1]) * frame[2]
-    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
+    rows, columns = grid.shape[0] << CELL_TO_BLOCK, grid.shape[1] << CELL_TO_BLOCK
     delta = 1.0 / frame[2]
     if not (fx >= kernel and fy >= kernel and fx < columns - kernel and fy < rows - kernel):
         return -1.0

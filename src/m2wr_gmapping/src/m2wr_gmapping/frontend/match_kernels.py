@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from m2wr_gmapping import tuning
-from m2wr_gmapping.filter.tile_kernels import MASK, PATCH_SHIFT, SHIFT, UNIT, tile_at
+from m2wr_gmapping.filter.tile_kernels import CELL_TO_BLOCK, MASK, SHIFT, UNIT, tile_at
 from m2wr_maps.linear_kernels import solve
 from m2wr_node.kernel import kernel
 
@@ -103,7 +103,7 @@ def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Arr
         Number of beams with a partner.
     """
     c, s = math.cos(theta), math.sin(theta)
-    rows, columns = grid.shape[0] << PATCH_SHIFT, grid.shape[1] << PATCH_SHIFT
+    rows, columns = grid.shape[0] << CELL_TO_BLOCK, grid.shape[1] << CELL_TO_BLOCK
     delta = 1.0 / frame[2]
     _placed(x, y, c, s, frame, beams, pairs)
     found = 0

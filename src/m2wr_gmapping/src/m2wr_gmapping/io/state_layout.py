@@ -12,7 +12,7 @@ from m2wr_files.state_types import Array, Generator, Group, ListedRecord, Many, 
 from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.turned_path import TurnedFind
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
-from m2wr_gmapping.filter.tile_maps import TILES_A_SIDE as BLOCK_SIDE
+from m2wr_gmapping.filter.tile_maps import TILES_A_SIDE
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
@@ -50,7 +50,7 @@ GIVEN = Record(lambda values: SavedMap(**values), {
     "origin": Array("float64", "2", -EXTENT, EXTENT), "name": Text(1000)})
 TILES = Part({
     "mean": Array("uint8", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
-    "blocks": Array("int32", "G %d %d" % (BLOCK_SIDE, BLOCK_SIDE), -1, below="T"),
+    "blocks": Array("int32", "G %d %d" % (TILES_A_SIDE, TILES_A_SIDE), -1, below="T"),
     "table": Array("int32", "particles R C", -1, below="G"), "beyond": COUNT,
     "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
     ("resolution", "_frozen", "_limit", "frame", "_counters", "_block_holders", "_free_blocks", "_holders", "_free"))

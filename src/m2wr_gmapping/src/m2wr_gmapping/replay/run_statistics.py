@@ -33,13 +33,12 @@ class Stopwatch:
     def __exit__(self, *_: object) -> None:
         wall, cpu = time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
         self._pending = self._pending[0] + wall, self._pending[1] + cpu
-        self._longest_pending = max(self._longest_pending[0], wall), max(self._longest_pending[1], cpu)
+        self._longest_pending = _longer(self._longest_pending, (wall, cpu))
 
     def piece(self) -> None:
         """End a piece: its time is everything measured since the last one."""
         if self.wall:
-            self._longest = (max(self._longest[0], self._longest_pending[0]),
-                             max(self._longest[1], self._longest_pending[1]))
+            self._longest = _longer(self._longest, self._longest_pending)
         self.wall.append(self._pending[0])
         self.cpu.append(self._pending[1])
         self._pending = self._longest_pending = (0.0, 0.0)
@@ -60,6 +59,11 @@ class Stopwatch:
                         total_s=round(sum(times) + pending, 6))
         return dict(count=len(self.wall), wall=of(self.wall, self._pending[0], self._longest[0]),
                     cpu=of(self.cpu, self._pending[1], self._longest[1]))
+
+
+def _longer(one: Tuple[float, float], other: Tuple[float, float]) -> Tuple[float, float]:
+    """Return the longer of two wall times and of two CPU times [s]."""
+    return max(one[0], other[0]), max(one[1], other[1])
 
 
 def peak_memory_mib() -> float:
